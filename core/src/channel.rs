@@ -1,15 +1,15 @@
-//! Gains of the observer: the Riccati recursion of one channel.
+//! Gains of the observer: Riccati recursion of one channel.
 //!
-//! Five errors of one axis: position, velocity, tilt, and the correlated parts of the noise of
-//! GNSS velocity and position, each a first-order Gauss-Markov process. Both level axes share one
-//! recursion; in the vertical one there is no tilt.
+//! Five states of one axis: errors of position, velocity and tilt, and the correlated noises of GNSS
+//! velocity and position, first-order Gauss-Markov processes. Both level axes share one recursion; the
+//! vertical has no tilt.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::config::Noise;
 use crate::math;
 
-/// What a fix measures.
+/// Measured quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Measured {
@@ -27,22 +27,22 @@ const TILT: usize = 2;
 const VELOCITY_NOISE: usize = 3;
 const POSITION_NOISE: usize = 4;
 
-/// One number for each of the five errors.
+/// One number for each state.
 pub type Gains = SVector<f64, STATES>;
 
-/// How far a start may be from the first fix: any latency and any position noise.
+/// Sigma of the initial position: any latency and any position noise.
 const START_M: f64 = 100.0;
 const START_MPS: f64 = 1.0;
 
-/// What a span does to a channel.
+/// Transition and process noise of a channel over a span.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChannelStep {
     /// Duration, s.
     pub seconds: f64,
-    /// Integral of specific force up, m/s, and of that integral, m.
+    /// Integral of specific force up, m/s, and its integral, m.
     pub force_up_mps: f64,
     pub force_up_position_m: f64,
-    /// What a metre of position makes of the velocity, 1/s.
+    /// Velocity by a unit of position: gravity, 1/s.
     pub gravity_per_s: f64,
     /// Power density of accelerometer noise, (m/s)^2/s.
     pub accel_noise: f64,
@@ -50,17 +50,17 @@ pub struct ChannelStep {
     pub gyro_noise: f64,
 }
 
-/// What is left of correlated noise after a span, and the variance of what comes in.
+/// Step of a first-order Gauss-Markov process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Markov {
-    /// Part that is left.
+    /// Transition factor.
     pub keep: f64,
-    /// Variance of what is new.
+    /// Variance of the driving noise.
     pub new: f64,
 }
 
 impl Markov {
-    /// Of noise `factor` times as strong, in variance, as described.
+    /// With `factor` times the configured variance.
     pub fn over(seconds: f64, noise: &Noise, factor: f64) -> Self {
         let keep = math::decayed(seconds / noise.correlation_s);
         let new = noise.correlated * noise.correlated * factor * (1.0 - keep * keep);
@@ -76,7 +76,7 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Starts with a variance of the tilt, rad^2, and with the noise of GNSS.
+    /// Starts with a variance of the tilt, rad^2, and the configured noise of GNSS.
     pub fn new(tilt: f64, velocity: &Noise, position: &Noise) -> Self {
         let diagonal = SVector::from([
             START_M * START_M,
@@ -105,7 +105,7 @@ impl Channel {
         self.p.m33
     }
 
-    /// Variance of the correlated noise of what is measured.
+    /// Variance of the correlated noise of a quantity.
     pub fn noise(&self, measured: Measured) -> f64 {
         match measured {
             Measured::Velocity => self.p.m44,
@@ -113,7 +113,7 @@ impl Channel {
         }
     }
 
-    /// Carries it over a span.
+    /// Time update.
     pub fn propagate(&mut self, step: &ChannelStep, gnss_noise: [Markov; 2]) {
         let ChannelStep {
             seconds: dt,
@@ -146,7 +146,7 @@ impl Channel {
         self.p.m55 += position.new;
     }
 
-    /// Error `to` grows by `factor` times error `from`.
+    /// State `TO` gets `factor` times state `FROM`.
     #[inline(never)]
     fn add_coupling<const TO: usize, const FROM: usize>(&mut self, factor: f64) {
         let column = self.p.column(FROM).into_owned();
@@ -157,35 +157,35 @@ impl Channel {
         }
     }
 
-    /// More may be wrong by these variances.
+    /// Adds variance to velocity and tilt.
     pub fn add_variance(&mut self, velocity: f64, tilt: f64) {
         self.p.m22 += velocity;
         self.p.m33 += tilt;
     }
 
-    /// More may be wrong along this error of each state, by a number of this variance.
+    /// Adds `variance` times `error error'`.
     pub fn add_along(&mut self, error: &Gains, variance: f64) {
         self.p += error * error.transpose() * variance;
     }
 
-    /// The position may be wrong by this variance more, m^2.
+    /// Adds variance to the position, m^2.
     pub fn add_position_variance(&mut self, variance: f64) {
         self.p.m11 += variance;
     }
 
-    /// To the correlated noise of positions comes this variance.
+    /// Adds variance to the correlated noise of positions.
     pub fn add_noise_variance(&mut self, variance: f64) {
         self.p.m55 += variance;
     }
 
-    /// The correlated noise of positions is another one now, of this variance.
+    /// Replaces the correlated noise of positions by an independent one of this variance.
     pub fn reset_position_noise(&mut self, variance: f64) {
         self.p.column_mut(POSITION_NOISE).fill(0.0);
         self.p.row_mut(POSITION_NOISE).fill(0.0);
         self.p.m55 = variance;
     }
 
-    /// Covariance of each error with what is measured.
+    /// `P H'`.
     fn cross_covariance(&self, measured: Measured) -> Gains {
         match measured {
             Measured::Velocity => self.p.column(VELOCITY) + self.p.column(VELOCITY_NOISE),
@@ -193,7 +193,7 @@ impl Channel {
         }
     }
 
-    /// Variance of what is measured, without its white noise.
+    /// `H P H'`, without white noise.
     pub fn predicted_variance(&self, measured: Measured) -> f64 {
         let c = self.cross_covariance(measured);
         match measured {
@@ -202,12 +202,12 @@ impl Channel {
         }
     }
 
-    /// Takes in one measurement of white noise `white`; returns the gains.
+    /// Measurement update with white noise of variance `white`; returns the gains.
     pub fn update(&mut self, measured: Measured, white: f64) -> Gains {
         let c = self.cross_covariance(measured);
         let gains = c / (self.predicted_variance(measured) + white);
         self.p -= gains * c.transpose();
-        // What rounding leaves of a variance is still one.
+        // Rounding must not make it negative.
         let diagonal = self.p.diagonal().map(|variance| math::max(variance, 0.0));
         self.p.set_diagonal(&diagonal);
         gains

@@ -1,4 +1,4 @@
-//! Errors of the INS and how they grow: (1), (2), and what the errors of the sensors put into them.
+//! Error model of the INS, (1) and (2), driven by the sensor errors.
 
 use nalgebra::{Matrix3, RealField, Scalar, Vector3, convert};
 
@@ -7,8 +7,8 @@ use crate::history::Span;
 use crate::math::{self, singles};
 use crate::parameters::{Parameters, index};
 
-/// What an error of the height makes of the vertical velocity, 1/s^2, and one of the level position of
-/// the level one: gravity is reckoned for where the INS thinks it is.
+/// Gradient of the gravity that the INS computes at its own position: by a height error, `2 g / R`, and by a
+/// level one, `-g / R` (Schuler), 1/s^2.
 pub const VERTICAL_PER_S2: f64 = 2.0 * GRAVITY_EQUATOR_MPS2 / SEMI_MAJOR_AXIS_M;
 pub const SCHULER_PER_S2: f64 = -GRAVITY_EQUATOR_MPS2 / SEMI_MAJOR_AXIS_M;
 
@@ -20,46 +20,46 @@ pub struct InsError<T: Scalar = f64> {
     pub position_m: Vector3<T>,
     /// dV, m/s.
     pub velocity_mps: Vector3<T>,
-    /// Phi, rad: by its level components is the platform off a level one that points as it does, and
-    /// that by the third off the true one. A bias of an accelerometer and the tilt that it has
-    /// caused both turn with the platform when that is turned about the vertical, by how much it
-    /// may ever have pointed elsewhere: what is found of the azimuth says nothing of either.
+    /// Phi, rad. The level components are the platform's tilt in its own azimuth, the third its azimuth
+    /// error: first levelled, then turned. The effect of an accelerometer bias and the tilt that it has
+    /// caused turn alike when the platform is turned about the vertical: the azimuth says nothing of
+    /// either.
     pub tilt_rad: Vector3<T>,
 }
 
-/// What a span does to every error, whatever has caused it.
+/// Transition of every error over a span.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transition<T: Scalar = f64> {
     /// Duration, s.
     seconds: T,
-    /// What tilts make of the velocity, m/s, and of the position, m.
+    /// Coupling of the tilts into velocity, m/s, and position, m.
     to_velocity: TiltCoupling<T>,
     to_position: TiltCoupling<T>,
-    /// By how much the platform points elsewhere, and what it turns about the vertical against the
-    /// frame: cosine and sine.
+    /// Cosine and sine of the azimuth error, and of the platform's turn about the vertical relative to the
+    /// frame.
     azimuth: [T; 2],
     turn: [T; 2],
-    /// Turn of the frame against inertial space.
+    /// Rotation of the frame against inertial space.
     frame_rad: Vector3<T>,
-    /// Half of what the platform turns in level: such turns do not commute, and what comes of it is
-    /// about the vertical.
+    /// Half of the platform's level rotation: rotations do not commute, which gives a turn about the
+    /// vertical.
     half_level_rad: Vector3<T>,
 }
 
-/// What a unit of each tilt makes of the velocity over a span, or of the position: the level ones by
-/// the force that the platform has there, turned by its azimuth.
+/// Coupling of the tilts into velocity or position over a span: of the level ones by the platform's force,
+/// turned by its azimuth error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct TiltCoupling<T> {
     /// Force up, times cosine and sine of the azimuth.
     up: [T; 2],
-    /// Force in level.
+    /// Level force.
     level: [T; 2],
-    /// By the azimuth.
+    /// Of the azimuth.
     by_azimuth: [T; 2],
 }
 
 impl TiltCoupling<f64> {
-    /// By a force that such a tilt and a push have been part of.
+    /// Of a force that contains the effects of this tilt and bias.
     fn new(
         force: &Vector3<f64>,
         tilt_rad: &Vector3<f64>,
@@ -95,24 +95,24 @@ impl<T: RealField + Copy> TiltCoupling<T> {
     }
 }
 
-/// Turns about the vertical, by an angle of this cosine and sine.
+/// Rotation about the vertical, by cosine and sine.
 fn about_up<T: RealField + Copy>(v: &Vector3<T>, [cos, sin]: [T; 2]) -> Vector3<T> {
     Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
 }
 
-/// What the parameters put into the error of the INS over a span, and what has been taken out of that.
+/// Input of the parameters over a span, and what was compensated of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forcing {
-    /// Turn of the platform, rad.
+    /// Rotation of the platform, rad.
     drift_rad: Vector3<f64>,
     /// Velocity, m/s.
     push_mps: Vector3<f64>,
-    /// Velocity that has been taken out of the readings, of that by the controls, m/s.
+    /// Compensated part of the velocity, which the span has among its controls, m/s.
     taken_out_mps: Vector3<f64>,
 }
 
 impl Forcing {
-    /// By `parameters`, where `accel_mps2` is taken out of the accelerometers.
+    /// Of `parameters`, where `accel_mps2` is compensated.
     pub fn over(
         span: &Span,
         level_force_mps2: &Vector3<f64>,
@@ -133,7 +133,7 @@ impl Forcing {
 }
 
 impl Transition {
-    /// Over a span in a frame that turns at `frame_rate`, of an INS with such an error.
+    /// Over a span in a frame that turns at `frame_rate_radps`, about this error.
     pub fn over(
         span: &Span,
         frame_rate_radps: &Vector3<f64>,
@@ -168,19 +168,19 @@ impl Transition {
     }
 }
 
-/// Cosine and sine of an angle to second order, of length one whatever it is.
+/// Cosine and sine of an angle to second order, normalized.
 fn rotation(angle_rad: f64) -> [f64; 2] {
     let half = 0.5 * angle_rad;
     let scale = 1.0 / (1.0 + half * half);
     [(1.0 - half * half) * scale, angle_rad * scale]
 }
 
-/// Without what is about the vertical.
+/// Level components.
 fn level_of<T: RealField + Copy>(v: &Vector3<T>) -> Vector3<T> {
     Vector3::new(v.x, v.y, T::zero())
 }
 
-/// What a unit of a parameter puts into (1)-(2) over a span.
+/// Input to (1)-(2) by a unit of a parameter over a span.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Input<T: Scalar = f64> {
     /// `-C dw`, rad.
@@ -209,9 +209,9 @@ impl<T: RealField + Copy> InsError<T> {
         vector.get_mut(which % 3)
     }
 
-    /// `dp' = dV`, `dV' = f x Phi + dg`, `Phi' = -w_in x Phi`, with `dg` of the position: of (1)-(2) as
-    /// seen from where the INS thinks it is, to whose vertical the tilt then is. The two verticals are
-    /// 0.16 mrad apart for each kilometre.
+    /// `dp' = dV`, `dV' = f x Phi + dg`, `Phi' = -w_in x Phi`: (1)-(2) in the frame at the INS's position,
+    /// to whose vertical the tilt refers and where `dg` comes from. The two verticals differ by 0.16 mrad
+    /// per kilometre.
     pub fn propagate(&mut self, transition: &Transition<T>) {
         let (tilt, half) = (self.tilt_rad, &transition.half_level_rad);
         self.position_m +=
@@ -225,7 +225,7 @@ impl<T: RealField + Copy> InsError<T> {
         self.tilt_rad.z += tilt.x * half.y - tilt.y * half.x;
     }
 
-    /// What came in evenly over a span that has been carried over.
+    /// Constant input over a span, after [`Self::propagate`].
     pub fn add_input(&mut self, transition: &Transition<T>, input: &Input<T>) {
         let half = convert::<f64, T>(0.5);
         match input {
@@ -252,13 +252,13 @@ impl<T: RealField + Copy> InsError<T> {
 }
 
 impl InsError {
-    /// The error at the end of a span, which is such a passage.
+    /// The error at the end of a span.
     #[must_use]
     pub fn propagated(&self, span: &Span, transition: &Transition, forcing: &Forcing) -> Self {
         let mut error = *self;
         error.propagate(transition);
-        // Force is longer than its projection. Plus, for it is the one of the tilted frame. And of the
-        // azimuth the whole.
+        // Second order of the tilt, positive as the force is that of the tilted frame; and the full
+        // azimuth.
         let level = level_of(&self.tilt_rad);
         let azimuth = self.tilt_rad - level;
         let longer = 0.5 * level.cross(&span.force_mps.cross(&level));
@@ -270,7 +270,7 @@ impl InsError {
         error.position_m += turned(&span.force_position_m)
             + taken_out_mps * (0.5 * transition.seconds)
             - transition.to_position.apply(&azimuth);
-        // What is levelled meanwhile turns with the platform for half of the time.
+        // A control tilt turns with the platform for half of the span on average.
         let platform_rad = span.control_tilt_rad + forcing.drift_rad;
         let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
         error.add_input(transition, &Input::Tilt(forcing.drift_rad));
@@ -282,15 +282,14 @@ impl InsError {
     }
 }
 
-/// Tells `visit` what a unit of each parameter puts in over a span; nothing for those not named.
+/// Calls `visit` with the input by a unit of each parameter; the others have none.
 ///
-/// A bias of an accelerometer and its scale error are one number while it feels one force. The
-/// bias is that number at the level attitude of this mount, where `level_force_mps2` is felt; the
-/// scale error acts on what is felt beyond it. The same of the gyros: in level turns their errors
-/// are one about the vertical, and a tilt that is one with the biases of the accelerometers; the
-/// scale error of each acts on what it turns beyond. Misalignments do as well; but only what they
-/// make of it about the vertical adds up, over banked turns to the right as to the left, where the
-/// rest comes and goes with the heading: that has no parameter and is noise.
+/// Bias and scale error of an accelerometer are one number under a constant force. The bias is that number
+/// at the level attitude of the mount, with `level_force_mps2`; the scale error acts on the excess force.
+/// Likewise gyros: in level turns their scale errors are one error about the vertical and a tilt that
+/// cannot be told from accelerometer biases; the individual ones act on other rotations. So do
+/// misalignments, of which only the part about the vertical accumulates, over banked turns to either side;
+/// the rest averages out over headings, and is process noise.
 pub fn for_each_input(
     span: &Span,
     level_force_mps2: &Vector3<f64>,
@@ -305,7 +304,7 @@ pub fn for_each_input(
         let column = span.attitude_s.column(axis).into_owned();
         visit(index::GYRO + axis, Input::Tilt(-column));
         visit(index::ACCEL + axis, Input::Velocity(column));
-        // C f_k, with f_k the specific force felt on the axis.
+        // C f_k, with f_k the specific force on the axis.
         let felt = column.dot(&span.force_mps) / (seconds * seconds) - level;
         visit(index::ACCEL_SCALE + axis, Input::Velocity(felt * column));
         visit(
@@ -323,8 +322,7 @@ pub fn for_each_input(
     }
 }
 
-/// Body axes' share in the level and in the vertical ones: of white noise with these variances per
-/// axis, what one level axis gets on average, and the vertical one.
+/// White noise of these variances per body axis: variance of a level axis on average, and of the vertical.
 pub fn level_and_up(
     attitude_s: &Matrix3<f64>,
     seconds: f64,

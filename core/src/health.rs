@@ -1,25 +1,23 @@
-//! How it goes: what became of samples and fixes, and whether the innovations are what they should
-//! be.
+//! Counts of samples and fixes by outcome, and consistency of the innovations.
 
 use crate::outcome::{GnssOutcome, ImuOutcome};
 use crate::solution::Phase;
 use crate::time::Time;
 
-/// What became of a fix in the end, also of one that was queued.
+/// Final outcome of a fix, also of one that was queued.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FixReport {
     /// Stamp of the fix.
     pub time: Time,
-    /// How many fixes it is about, this one and those before it: those that are close to each other
-    /// are compared as one.
+    /// Number of fixes with this outcome, up to this one: fixes close to each other are compared as one.
     pub fixes: u8,
     /// Never [`GnssOutcome::Queued`].
     pub outcome: GnssOutcome,
 }
 
-/// Fixes by what became of them in the end.
+/// Fixes by final outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -47,7 +45,7 @@ pub struct FixCounts {
     pub outlier: u32,
 }
 
-/// Samples by what became of them.
+/// Samples by outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -67,7 +65,7 @@ pub struct SampleCounts {
     pub out_of_range: u32,
 }
 
-/// What has been counted so far.
+/// Counts so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Counts {
@@ -89,12 +87,12 @@ impl Counts {
         *count = count.saturating_add(1);
     }
 
-    /// Counts a fix once; one that is queued, when it has been taken from there.
+    /// Counts one fix; a queued one when it is decided.
     pub(crate) fn fix(&mut self, time: Time, outcome: GnssOutcome) {
         self.fixes(time, 1, outcome);
     }
 
-    /// Counts some that were compared as one; `time` is that of the newest.
+    /// Counts fixes that were compared as one; `time` is that of the newest.
     pub(crate) fn fixes(&mut self, time: Time, fixes: u8, outcome: GnssOutcome) {
         if fixes == 0 {
             return;
@@ -121,7 +119,7 @@ impl Counts {
     }
 }
 
-/// How the navigator does; costs nothing to ask for.
+/// State of health; cheap to ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -129,23 +127,21 @@ impl Counts {
 pub struct Health {
     /// How far the alignment has come.
     pub phase: Phase,
-    /// Since when the INS is on its own, if it is: when the last fix with a level velocity or a position that
-    /// was used had been compared.
+    /// Since when there is no aiding, if so: time of the last comparison with a level velocity or a
+    /// position that was used.
     pub coasting_since: Option<Time>,
-    /// The last fix whose outcome is known. Ask after each call: at 100 samples a second none settles more
-    /// than one, those that were compared as one, or all that wait when an INS is aligned anew; a call for a
+    /// The last fix with a final outcome. Ask after each call: at 100 samples a second none settles more
+    /// than one, those compared as one, or all pending ones when an INS is aligned anew; a call for a
     /// longer interval may settle as many more.
     pub last_fix: Option<FixReport>,
-    /// Mean square of the level innovations of the last ten seconds, in the variances that they
-    /// should have: about 1, and beyond 9 the INS is doubted. None while aligning, nor in the
-    /// literal form.
+    /// Mean normalized innovation squared of the level axes over ten seconds: about 1, and beyond 9 the INS
+    /// is reset. None while aligning, nor in the literal form.
     pub level_innovation: Option<f64>,
     /// The same of the vertical.
     pub vertical_innovation: Option<f64>,
-    /// When the INS, its vertical, its azimuth or the latency was last doubted: their spreads were widened
-    /// then.
+    /// When INS, vertical, azimuth or latency was last found to be wrong, and its variance increased.
     pub doubted: Option<Time>,
-    /// How often an INS that had lost its way was aligned anew.
+    /// Number of new alignments after divergence.
     pub restarts: u32,
     /// Fixes by outcome.
     pub fixes: FixCounts,

@@ -1,4 +1,4 @@
-//! The recent past of the INS, for data that arrives late: a fixed-size ring.
+//! Recent states of the INS, for measurements that arrive late: a fixed-size ring.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -7,8 +7,7 @@ use crate::math::{self, singles};
 use crate::ring::Ring;
 use crate::time::Time;
 
-/// What the INS went through between two moments, ENU. Spans that follow each other are put
-/// together exactly by [`Span::extend`].
+/// Sums of the INS between two times, ENU. Successive spans combine exactly by [`Span::extend`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Span<T: nalgebra::Scalar = f64> {
@@ -24,13 +23,13 @@ pub struct Span<T: nalgebra::Scalar = f64> {
     pub angle_rad: Vector3<T>,
     /// The part of it about the local vertical, rad.
     pub turn_rad: T,
-    /// `Phi` that controls and compensations have put into the platform, rad.
+    /// `Phi` by controls and compensations, rad.
     pub control_tilt_rad: Vector3<T>,
-    /// Velocity error that they have caused, with no tilt but that of this span, m/s.
+    /// Velocity error by them, with no tilt but that of this span, m/s.
     pub control_velocity_mps: Vector3<T>,
-    /// Position error that they have caused in the same way, m.
+    /// Position error by them, likewise, m.
     pub control_position_m: Vector3<T>,
-    /// Way of the INS, controls included, m.
+    /// Displacement of the INS, controls included, m.
     pub way_m: Vector3<T>,
 }
 
@@ -42,7 +41,7 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
         self
     }
 
-    /// Adds the span after it.
+    /// Appends the next span.
     pub fn extend(&mut self, next: &Self) {
         let tilt = &self.control_tilt_rad;
         self.control_position_m += self.control_velocity_mps * next.seconds
@@ -59,9 +58,8 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
         self.seconds += next.seconds;
     }
 
-    /// The first part of a span that is cut, or its last. Within a span controls and force are
-    /// taken for even, and what that leaves of its totals for evenly gained: parts put together
-    /// give the whole.
+    /// First or last part of a span. Controls and force are constant within it, and the rest of its sums
+    /// linear: parts combine to the whole.
     #[must_use]
     fn part(&self, fraction: T) -> Self {
         let half: T = nalgebra::convert(0.5);
@@ -109,31 +107,31 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
 }
 
 impl Span<f32> {
-    /// What an antenna swings by, per unit of its arm, 1/s: a mean.
+    /// Mean velocity of an antenna about the sensors, per unit of its arm, 1/s.
     fn swing(&self) -> Matrix3<f32> {
         self.attitude_s * self.angle_rad.cross_matrix() / (self.seconds * self.seconds)
     }
 
-    /// How fast the mean attitude changes from an earlier span to this, 1/s.
+    /// Rate of change of the mean attitude from an earlier span, 1/s.
     fn turned_from(&self, earlier: &Self) -> Matrix3<f32> {
         let change = self.attitude_s / self.seconds - earlier.attitude_s / earlier.seconds;
         change / (0.5 * (self.seconds + earlier.seconds))
     }
 }
 
-/// Least time between two moments in the ring, s: short against manoeuvres, and the receiver's own
-/// smoothing is no shorter. Out of step with fixes at round rates: were each as far from the moments around
-/// it as the last, what swings nearly as fast as the ring would show a latency that is not there.
+/// Least spacing of the ring, s: short against manoeuvres, and no longer than a receiver's smoothing.
+/// Incommensurate with usual fix intervals: at a constant phase to the entries, aliased vibration would
+/// look like a latency.
 pub const SPACING_S: f64 = 0.105;
 
-/// Time over which a receiver smooths from which on one derivative is too few, s: of a swing of 1 Hz a
-/// second derivative would lose a sixth too much, and of what swings twice as fast half.
+/// Smoothing from which on the second derivative is no longer enough, s: of a swing of 1 Hz it would remove
+/// a sixth too much, and of one twice as fast half.
 pub const LONG_SMOOTHING_S: f64 = 0.1;
 
-/// Square of the phase of a swing over the spacing up to which its third derivative is seen: 3 Hz.
+/// Squared phase of a swing over the spacing up to which its third derivative is resolved: 3 Hz.
 const FASTEST_PHASE: f64 = 3.5;
 
-/// The INS at a moment of the past, and how it was changing there.
+/// INS at a past time, and its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PastState {
@@ -141,31 +139,31 @@ pub struct PastState {
     pub time: Time,
     /// Velocity, ENU, m/s.
     pub velocity_mps: Vector3<f64>,
-    /// Acceleration of the vehicle as the accelerometers feel it on a platform that may lean, ENU, m/s^2.
+    /// Acceleration by the accelerometers, on a platform that may be tilted, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
-    /// How that changes, m/s^3; of what a receiver smooths, see [`History::smooth`].
+    /// Its derivative, m/s^3; for a smoothing receiver see [`History::smooth`].
     pub jerk_mps3: Vector3<f64>,
-    /// And of that, m/s^4.
+    /// And its second derivative, m/s^4.
     pub snap_mps4: Vector3<f64>,
-    /// Whether the jerk is what a receiver shows that smooths.
+    /// Whether the jerk is that for a smoothing receiver.
     pub smoothed: bool,
-    /// Variance of a level velocity by what the vehicle does between two moments of the ring and
-    /// the interpolation does not see: jolts and vibration, (m/s)^2.
+    /// Variance of a level velocity by jolts and vibration between two entries, which the interpolation
+    /// does not resolve, (m/s)^2.
     pub unresolved_velocity: f64,
     /// The same of the angular rate, (rad/s)^2.
     pub unresolved_rate: f64,
     /// `C_B^L`.
     pub attitude: Matrix3<f64>,
-    /// Its rate of change, 1/s, how that changes, 1/s^2, and that again, 1/s^3, like the jerk.
+    /// Its derivatives, 1/s, 1/s^2, and 1/s^3 like the jerk.
     pub attitude_rate: Matrix3<f64>,
     pub attitude_accel: Matrix3<f64>,
     pub attitude_jerk: Matrix3<f32>,
-    /// Way of the INS from this moment to the newest of the ring, ENU, m.
+    /// Displacement of the INS from this time to the newest entry, ENU, m.
     pub way_since_m: Vector3<f64>,
 }
 
 impl PastState {
-    /// Comes closer to another moment by a part of the way, but for the way since.
+    /// Interpolates to another state, but for the displacement since.
     pub fn blend(&mut self, next: &Self, part: f64) {
         let seconds = next.time.seconds_since(self.time);
         self.time = self.time.plus_seconds(seconds * part);
@@ -182,45 +180,45 @@ impl PastState {
     }
 }
 
-/// Why a moment cannot be given.
+/// Why there is no state for a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Missing {
-    /// It lies before the ring.
+    /// It is before the ring.
     TooOld,
-    /// The ring has not reached it.
+    /// It is after the ring.
     Future,
 }
 
-/// A moment of the ring.
+/// Entry of the ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct RingEntry {
     time: Time,
-    /// Mean velocity since the moment before.
+    /// Mean velocity since the entry before.
     velocity_mps: Vector3<f32>,
-    /// From the moment before.
+    /// Since the entry before.
     span: Span<f32>,
-    /// See [`Vibration`]: of the velocity and of the angular rate.
+    /// See [`Vibration`]: of velocity and angular rate.
     vibration: f32,
     rate_vibration: f32,
 }
 
-/// How the level velocity moves about its chord between two moments, and the angular rate about
-/// its mean.
+/// Deviation of the level velocity from its chord between two entries, and of the angular rate from its
+/// mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Vibration {
     seconds: f32,
     gained_mps: Vector2<f32>,
-    /// Integrals of its square, and of itself times the time.
+    /// Integrals of its square, and of its product with time.
     square: f32,
     moment: Vector2<f32>,
-    /// Integral of the square of the angular rate.
+    /// Integral of the squared angular rate.
     rate_square: f32,
 }
 
 impl Vibration {
-    /// Adds a velocity gained over an interval, m/s, and the angle turned, rad.
+    /// Adds a velocity gained over an interval, m/s, and the angle, rad.
     pub fn add(&mut self, gained_mps: &Vector3<f64>, angle_rad: &Vector3<f64>, seconds: f64) {
         let dt = math::single(seconds);
         self.rate_square += math::single(angle_rad.norm_squared() / seconds);
@@ -241,14 +239,14 @@ impl Vibration {
         0.5 * sum / self.seconds
     }
 
-    /// Mean square of the rate about its mean over a span, (rad/s)^2.
+    /// Mean square of the rate about its mean, (rad/s)^2.
     fn rate_variance(&self, span: &Span) -> f32 {
         let mean = span.angle_rad.norm_squared() / (span.seconds * span.seconds);
         self.rate_square / math::single(span.seconds) - math::single(mean)
     }
 }
 
-/// Ring of past moments.
+/// Ring of past states.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct History<const N: usize> {
@@ -256,8 +254,7 @@ pub struct History<const N: usize> {
 }
 
 impl<const N: usize> History<N> {
-    /// Whether enough time has passed since the newest moment for the next, of samples at such an
-    /// interval: rare ones are not skipped.
+    /// Whether the next entry is due, with samples at this interval: rare ones are not skipped.
     pub fn is_due(&self, time: Time, interval_s: f64) -> bool {
         self.entries.newest().is_none_or(|newest| {
             let since_s = time.seconds_since(newest.time);
@@ -265,14 +262,13 @@ impl<const N: usize> History<N> {
         })
     }
 
-    /// What the next moment drops: the end of the oldest span, if the ring is full.
+    /// End of the span that the next entry drops from a full ring.
     pub fn next_dropped(&self) -> Option<Time> {
         let full = self.entries.len() == N;
         self.entries.oldest().filter(|_| full).map(|old| old.time)
     }
 
-    /// Adds the newest moment and the span before it, with the mean velocity in it, dropping the
-    /// oldest if full.
+    /// Appends an entry, with the span since the last and its mean velocity; a full ring drops the oldest.
     pub fn push(
         &mut self,
         time: Time,
@@ -289,8 +285,7 @@ impl<const N: usize> History<N> {
         });
     }
 
-    /// What happened first from one moment to another, and until when: as much as `longest_s` holds, or
-    /// one moment of the ring.
+    /// Sums from a time on, and until when: at most `longest_s`, or one entry.
     #[inline(never)]
     pub fn next_span(&self, from: Time, to: Time, longest_s: f64) -> Option<(Span, Time)> {
         let mut piece = Span::default();
@@ -318,16 +313,15 @@ impl<const N: usize> History<N> {
         (piece.seconds > 0.0).then_some((piece, to))
     }
 
-    /// Whether a moment is not after the newest of the ring.
+    /// Whether a time is not after the newest entry.
     pub fn covers(&self, time: Time) -> bool {
         (self.entries.newest()).is_some_and(|newest| time <= newest.time)
     }
 
-    /// The INS at `time`, which must lie after the first moment of the ring, and which is best
-    /// known once a moment follows those around it: `wait` asks for that.
+    /// The INS at `time`, which must be after the first entry. With `wait` an entry must follow those
+    /// around it, for a better interpolation.
     ///
-    /// # Errors
-    /// [`Missing`] if it does not.
+    /// # Errors [`Missing`] if it does not.
     #[inline(never)]
     pub fn at(&self, time: Time, wait: bool) -> Result<PastState, Missing> {
         let mut older = self.entries.iter().rev();
@@ -350,17 +344,16 @@ impl<const N: usize> History<N> {
         Err(Missing::TooOld)
     }
 
-    /// Has the jerk, and that of an arm, as a receiver shows it that smooths with this time constant, where
-    /// a quick turn would need more derivatives: its mean, for which a mean over times of variance `s` is
-    /// `s / 2` times the jerk off. The receiver is a low pass of first order, taken as much sooner as it is
-    /// late in a steady acceleration.
+    /// Replaces the jerk, and that of an arm, by the one that a receiver with this time constant shows,
+    /// where a fast turn needs more than the second derivative: its mean over delays of variance `s`, as
+    /// `s / 2` times a jerk. The receiver is a first-order low pass, advanced by its lag in a steady
+    /// acceleration.
     #[inline(never)]
     pub fn smooth(&self, past: &mut PastState, memory_s: f64) {
         if memory_s < LONG_SMOOTHING_S {
             return;
         }
-        // What is seen of each gain of velocity, and would be if it were only late. Outside the ring all
-        // goes on as at its ends.
+        // Weights of each velocity gain, smoothed less merely delayed; outside the ring all is constant.
         let mut beyond_mps = Vector3::zeros();
         let mut swung_beyond = Matrix3::zeros();
         let (mut turns, mut swing) = (None, Matrix3::zeros());
@@ -370,7 +363,7 @@ impl<const N: usize> History<N> {
             let span = &entry.span;
             let seconds = f64::from(span.seconds);
             let start_s = entry.time.seconds_since(past.time) - seconds;
-            // How an attitude turns where a span begins and ends is what an arm of unit length swings by.
+            // Rate of the attitude at the ends of a span: velocity of an arm of unit length.
             let at_start = older.peek().map(|older| span.turned_from(&older.span));
             let at_end = core::mem::replace(&mut turns, at_start);
             if start_s >= memory_s {
@@ -396,7 +389,7 @@ impl<const N: usize> History<N> {
     }
 }
 
-/// The moments around an interval, from `start` to `end`.
+/// Entries around an interval from `start` to `end`.
 struct Stencil<'a> {
     start: &'a RingEntry,
     end: &'a RingEntry,
@@ -404,9 +397,8 @@ struct Stencil<'a> {
 }
 
 impl Stencil<'_> {
-    /// Interpolates by parabolas. That of the velocity has the means of the intervals: velocities
-    /// at single moments take part in swings that are faster than the ring, at phases which, fixes
-    /// being as regular, look like an acceleration.
+    /// Interpolation by parabolas, of velocity through the mean velocities of the intervals: velocities at
+    /// single times alias faster swings, at phases that for regular fixes look like an acceleration.
     fn past(&self, time: Time, way_after_m: &Vector3<f64>) -> PastState {
         let Self { start, end, after } = self;
         let here = Means::over(end);
@@ -418,7 +410,7 @@ impl Stencil<'_> {
         let part = time.seconds_since(start.time) / here.seconds;
         let off_s = (part - 0.5) * here.seconds;
         let [middle_mps, accel_mps2, jerk_mps3] = self.parabola(&here, &bend.force_mps2);
-        // A cubic whose means over the three intervals are zero: it changes none of the parabola's.
+        // A cubic with zero mean over the three intervals leaves the parabola's means.
         let snap_mps4 = slopes.snap(here.seconds, &accel_mps2);
         let flat = 1.25 * here.seconds * here.seconds;
         let velocity = |off_s: f64| {
@@ -427,11 +419,11 @@ impl Stencil<'_> {
                 + off_s * (off_s * off_s - flat) / 6.0 * snap_mps4
         };
         let (first, velocity_mps) = (velocity(-0.5 * here.seconds), velocity(off_s));
-        // Over what is left of the interval the mean velocity is that of its two ends.
+        // The mean velocity over the rest of the interval is that of its two ends.
         let left_s = (1.0 - part) * here.seconds;
         let way = end.span.way_m.map(f64::from);
         let left = (1.0 - part) * way + 0.5 * left_s * (velocity_mps - first);
-        // The mean square of a parabola above its chord.
+        // Mean square of a parabola about its chord.
         let height = here.seconds * here.seconds * bend.force_mps2.xy();
         let explained = height.norm_squared() / 240.0;
         // And of a ramp about its mean.
@@ -457,7 +449,7 @@ impl Stencil<'_> {
         }
     }
 
-    /// Second derivative of what an antenna swings by, per unit of its arm, from mean to mean.
+    /// Second difference of the antenna's mean velocity, per unit of its arm.
     fn swing_curvature(&self) -> Matrix3<f32> {
         let Some(after) = self.after else {
             return Matrix3::zeros();
@@ -467,12 +459,13 @@ impl Stencil<'_> {
         bent / (here.seconds * here.seconds)
     }
 
-    /// Velocity in the middle of the interval, acceleration and jerk, from the means of three intervals; of
-    /// two, and the change of specific force, where no moment follows. How the means differ is told by
-    /// specific force: the velocity itself also follows the noise of GNSS, by its controls.
+    /// Velocity, acceleration and jerk at the middle, from the means of three intervals; with no later
+    /// entry of two, and the change of specific force. Differences of means come from specific force: the
+    /// velocity also follows GNSS noise, by the controls.
     fn parabola(&self, here: &Means, force_slope: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let square = here.seconds * here.seconds;
-        // Time of another interval's middle, how its mean differs, and the jerk's part in that.
+        // Offset of another interval's middle, difference of its mean, and the coefficient of the jerk in
+        // that.
         let beside = |other: &RingEntry, gained_mps: &Vector3<f64>, side: f64| {
             let seconds = f64::from(other.span.seconds);
             let off_s = side * 0.5 * (here.seconds + seconds);
@@ -497,15 +490,15 @@ impl Stencil<'_> {
     }
 }
 
-/// How fast means change at the start of an interval, and at its end if a moment follows.
+/// Slopes of the means at the start of an interval, and at its end if an entry follows.
 struct Slopes {
     at_start: Means,
     at_end: Option<Means>,
 }
 
 impl Slopes {
-    /// How the jerk changes over an interval of so many seconds, m/s^4, where a moment follows; of what
-    /// swings too fast for the ring, by how it is against the acceleration, nothing.
+    /// Derivative of the jerk over an interval, m/s^4, with a later entry; attenuated for swings too fast
+    /// for the ring, by its ratio to the acceleration.
     fn snap(&self, interval_s: f64, accel_mps2: &Vector3<f64>) -> Vector3<f64> {
         let Self { at_start, at_end } = self;
         let Some(at_end) = at_end else {
@@ -513,14 +506,14 @@ impl Slopes {
         };
         let snap =
             (at_end.force_mps2 - at_start.force_mps2) / (0.5 * (at_start.seconds + at_end.seconds));
-        // Square of the product of a swing's frequency and the spacing.
+        // Squared phase of a swing over the spacing.
         let phase = snap.norm() * interval_s * interval_s / (accel_mps2.norm() + 1e-6);
         let ratio = phase * phase / (FASTEST_PHASE * FASTEST_PHASE);
         snap / (1.0 + ratio * ratio)
     }
 
-    /// In the middle of the interval. What changes at one end alone lets the interpolation lag behind: by
-    /// 1.4 ms in the gusts of a light aircraft.
+    /// At the middle. With the slope of one end alone the interpolation lags: by 1.4 ms in the gusts of a
+    /// light aircraft.
     fn at_middle(&self) -> Means {
         let Self { at_start, at_end } = self;
         let Some(at_end) = at_end else {
@@ -535,7 +528,7 @@ impl Slopes {
     }
 }
 
-/// `w w + dw/dt`, both rates as cross products: what the second derivative of an attitude is of it.
+/// `w w + dw/dt`, both as cross products: the factor on the attitude in its second derivative.
 fn turn_accel(rate_radps: &Vector3<f64>, growth_radps2: &Vector3<f64>) -> Matrix3<f64> {
     let (x, y, z) = (rate_radps.x, rate_radps.y, rate_radps.z);
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -554,13 +547,13 @@ fn turn_accel(rate_radps: &Vector3<f64>, growth_radps2: &Vector3<f64>) -> Matrix
     )
 }
 
-/// What specific force adds to the mean velocity from one span to the next, m/s.
+/// Difference of the mean velocities of two spans by specific force, m/s.
 fn gained_between(first: &Span<f32>, second: &Span<f32>) -> Vector3<f64> {
     let gained = first.force_mps - first.force_position_m / first.seconds;
     (gained + second.force_position_m / second.seconds).map(f64::from)
 }
 
-/// Means between two moments of the ring, or how fast they change.
+/// Means between two entries, or their slopes.
 #[derive(Clone, Copy)]
 struct Means {
     seconds: f64,
@@ -570,7 +563,7 @@ struct Means {
 }
 
 impl Means {
-    /// Over the span that ends at a moment.
+    /// Over the span that ends at an entry.
     fn over(entry: &RingEntry) -> Self {
         let span = &entry.span;
         let seconds = f64::from(span.seconds);
@@ -582,7 +575,7 @@ impl Means {
         }
     }
 
-    /// Change per second from an earlier mean to this.
+    /// Slope from an earlier mean.
     fn slope_from(&self, earlier: &Self) -> Self {
         let seconds = 0.5 * (earlier.seconds + self.seconds);
         Self {

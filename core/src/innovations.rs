@@ -1,4 +1,4 @@
-//! Innovations: how noisy GNSS is, which fixes are credible, and whether the INS is.
+//! Innovations: noise of GNSS, gate, and divergence of the INS.
 
 use nalgebra::Vector2;
 
@@ -6,41 +6,39 @@ use crate::config::Noise;
 use crate::math;
 use crate::time::Time;
 
-/// Shortest and longest memory of the measured noise, in fixes: first what is configured counts
-/// for some, then a noise that changes from street to street is followed.
+/// Shortest and longest memory of the noise estimate, in fixes: at first the configured noise counts, later
+/// changes from street to street are followed.
 const FIRST_MEMORY: f64 = 30.0;
 const LONGEST_MEMORY: f64 = 400.0;
-/// Innovations beyond this many sigma weigh less (Huber); a normal one is, once in 400.
+/// Beyond this many sigmas innovations weigh less (Huber): normal ones once in 400.
 const ROBUST_SIGMAS: f64 = 3.0;
-/// Innovations beyond this many sigma are refused.
+/// Gate, sigmas.
 const GATE_SIGMAS: f64 = 8.0;
-/// So long must refused fixes agree with each other on where the INS is to be believed, s. Wrong
-/// fixes come in bursts of seconds; an INS that has lost its way stays lost.
+/// Time for which refused fixes must agree until the INS is wrong, s: outliers come in bursts of seconds,
+/// and a diverged INS stays so.
 pub const AGREEING_S: f64 = 15.0;
-/// An ordinary manoeuvre takes so long, s, and surprise is averaged over it.
+/// Duration of an ordinary manoeuvre, s, over which the NIS is averaged.
 pub const MANOEUVRE_S: f64 = 10.0;
-/// Average square of the innovations, in their variances, beyond which the INS errs.
+/// Mean NIS beyond which the INS has diverged.
 const DIVERGED_NIS: f64 = 9.0;
-/// Memory of the correlation of neighbours, in fixes.
+/// Memory of the correlation of successive innovations, in fixes.
 const CORRELATION_MEMORY: f64 = 200.0;
-/// Fixes over which the stated noise is averaged, and range of its ratio to the average, in
-/// variance.
+/// Fixes over which the stated variance is averaged, and bounds of its ratio to the average.
 const STATED_MEMORY: f64 = 100.0;
 const STATED_RANGE: [f64; 2] = [0.1, 100.0];
 
-/// How a fix of one kind is taken.
+/// Result of the gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GateResult {
-    /// With white noise of this variance.
+    /// With this variance of the white noise, larger beyond the robust threshold.
     Accepted(f64),
-    /// Not credible.
+    /// An outlier.
     Rejected,
-    /// Not credible, like all before it for so long that it is the INS which is wrong, by this.
+    /// One of a run of refused fixes so long that the INS is wrong, by this.
     Diverged(Vector2<f64>),
 }
 
-/// Fixes refused of which most agree with each other: since when, by how many more, and the last, with
-/// what had changed since the one before.
+/// Run of refused fixes of which most agree: since when, by what majority, and the last, with its change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct RejectedRun {
@@ -50,21 +48,21 @@ struct RejectedRun {
     change: Vector2<f64>,
 }
 
-/// Whether an innovation of this variance, all components together, is taken as it is.
+/// Whether an innovation of this variance, of all components, is within the robust threshold.
 pub fn is_inlier(innovation: &Vector2<f64>, total: f64) -> bool {
     innovation.norm_squared() <= ROBUST_SIGMAS * ROBUST_SIGMAS * total
 }
 
-/// Running measurement of the innovations of one kind.
+/// Statistics of the innovations of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Innovations {
-    /// Variance of GNSS noise against the configured one, as measured.
+    /// Measured variance of GNSS noise over the configured one.
     pub scale: f64,
     memory: f64,
-    /// Variance that the receiver states, on average; zero before it does.
+    /// Mean stated variance; zero before the first.
     stated: f64,
-    /// Correlation of neighbours, and the last innovation in its sigmas.
+    /// Correlation of successive innovations, and the last one, normalized.
     correlation: f64,
     last: Vector2<f64>,
     last_accepted: Option<Time>,
@@ -86,8 +84,8 @@ impl Default for Innovations {
 }
 
 impl Innovations {
-    /// Judges an innovation at a moment: of `components`, with this variance of each from the INS
-    /// and from GNSS noise that is not white, and with `white` noise on top.
+    /// Gate of an innovation of `components`, given per component the variance `predicted`, with correlated
+    /// noise, and that of `white` noise.
     pub fn gate(
         &mut self,
         now: Time,
@@ -105,15 +103,14 @@ impl Innovations {
             return GateResult::Accepted(white * beyond * beyond);
         }
         let ordinary = |residual: Vector2<f64>, fixes: f64| is_inlier(&residual, fixes * total);
-        // Wrong fixes agree if the way the INS went between them explains the change, or if it runs
-        // away as it did before.
+        // Refused fixes agree if the INS, unchanged or diverging at an even rate, explains their change.
         let agrees = |run: &RejectedRun| {
             let change = innovation - run.residual;
             ordinary(change, 2.0) || ordinary(change - run.change, 6.0)
         };
         let (since, majority) = match &mut self.rejected {
             Some(run) if agrees(run) => (run.since, run.majority.saturating_add(1)),
-            // A wrong fix among right ones.
+            // An outlier within the run.
             Some(run) if run.majority > 1 => {
                 run.majority -= 1;
                 return GateResult::Rejected;
@@ -134,8 +131,8 @@ impl Innovations {
         GateResult::Diverged(*innovation)
     }
 
-    /// How many times noisier than others a fix of this stated variance is, in variance. The scale of
-    /// what is stated is not believed unless the user says so, its changes are.
+    /// Ratio of a stated variance to its average: only its changes are used, unless the user trusts its
+    /// scale.
     pub fn ratio_to_average(&mut self, variance: f64) -> f64 {
         if self.stated <= 0.0 {
             self.stated = variance;
@@ -146,11 +143,11 @@ impl Innovations {
         relative
     }
 
-    /// Learns from an innovation that was taken: its square against its whole variance, per
-    /// component, the share that white noise has of that variance, and itself in sigmas. A step of
-    /// Fisher's scoring: where the INS is uncertain little is said of the noise.
+    /// Scoring step by an accepted innovation: its normalized square per component, the share of white
+    /// noise in its variance, and itself, normalized. Where the INS is uncertain it says little of the
+    /// noise.
     pub fn learn(&mut self, square: f64, share: f64, sigmas: &Vector2<f64>, range: [f64; 2]) {
-        // A single wild innovation must not open the gate for the next.
+        // One outlier must not open the gate for the next.
         let bounded = math::min(square, ROBUST_SIGMAS * ROBUST_SIGMAS);
         let scale = self.scale * (1.0 + share * (bounded - 1.0) / self.memory);
         self.scale = math::clamp_variance(scale, range);
@@ -161,8 +158,8 @@ impl Innovations {
         self.last = *sigmas;
     }
 
-    /// By how much the INS and fixes that agree on it differ at a moment, while these are refused,
-    /// and at what rate it runs away from them, if its acceleration does not change.
+    /// Difference of the INS from fixes that agree while they are refused, and its rate of change under a
+    /// constant acceleration.
     pub fn rejected_offset(&self, now: Time) -> [Vector2<f64>; 2] {
         let agreed = self.rejected.filter(|run| run.majority > 1);
         agreed.map_or_else(Default::default, |run| {
@@ -171,7 +168,7 @@ impl Innovations {
         })
     }
 
-    /// Whether one was taken of late: such as others are held against before they are believed.
+    /// Whether one was accepted of late.
     pub fn is_recent(&self, now: Time) -> bool {
         self.last_accepted
             .is_some_and(|taken| now.seconds_since(taken) < AGREEING_S)
@@ -182,35 +179,35 @@ impl Innovations {
         self.memory > FIRST_MEMORY
     }
 
-    /// Factor by which colour makes rows less informative than white ones.
+    /// Inflation of the variance of estimates by the correlation of innovations.
     pub fn inflation(&self) -> f64 {
         let rho = math::clamp(self.correlation, [0.0, 0.9]);
         (1.0 + rho) / (1.0 - rho)
     }
 }
 
-/// How many times noisier than described a fix of this stated variance is, in variance: less only down to
-/// the `least` in standard deviation, more as it says. Who says that he does not know is to be believed.
+/// Ratio of a stated variance to the configured one; a smaller one counts down to `least` in standard
+/// deviation, a larger one always: a receiver that states to be worse is.
 pub fn ratio_to_configured(variance: f64, noise: &Noise, least: f64) -> f64 {
     math::max(variance / noise.variance(), least * least)
 }
 
-/// How often in a row the INS was doubted.
+/// Successive resets of the INS.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Resets {
-    /// When it was last.
+    /// Time of the last.
     pub last: Option<Time>,
     in_a_row: u8,
 }
 
-/// Time within which the next doubt shows that the last has not mended the INS, s; and such doubts in
-/// a row after which nothing will.
+/// Time within which another reset shows that the last has not helped, s; and how many of them lead to a
+/// new alignment.
 const RESET_MEMORY_S: f64 = 60.0;
 const MOST_RESETS: u8 = 3;
 
 impl Resets {
-    /// Part of it is doubted now, and mended with that.
+    /// A reset of a part.
     pub fn note(&mut self, now: Time) {
         let recently = |last: Time| now.seconds_since(last) < RESET_MEMORY_S;
         if !self.last.is_some_and(recently) {
@@ -219,30 +216,30 @@ impl Resets {
         self.last = Some(now);
     }
 
-    /// All of it is doubted now.
+    /// A reset of all.
     pub fn add(&mut self, now: Time) {
         self.note(now);
         self.in_a_row = self.in_a_row.saturating_add(1);
     }
 
-    /// Whether it has to be aligned anew.
+    /// Whether it needs a new alignment.
     pub fn is_exceeded(&self) -> bool {
         self.in_a_row >= MOST_RESETS
     }
 }
 
-/// Whether innovations are, over seconds, what they should be.
+/// Time average of the normalized innovation squared (NIS).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct NisTest {
-    /// Average square, 1 where all is well.
+    /// Mean, 1 if consistent.
     pub mean: f64,
-    /// Time for which they have not been.
+    /// Time for which it was too large.
     pub exceeded_s: f64,
 }
 
 impl NisTest {
-    /// Takes the square of an innovation in its variances, `seconds` after the last.
+    /// Adds the NIS of an innovation, `seconds` after the last.
     pub fn add(&mut self, square: f64, seconds: f64) {
         let bounded = math::min(square, GATE_SIGMAS * GATE_SIGMAS);
         self.mean += (bounded - self.mean) * seconds / (seconds + MANOEUVRE_S);

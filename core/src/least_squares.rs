@@ -1,10 +1,10 @@
-//! Running least squares of any number of rows in fixed memory.
+//! Recursive least squares in fixed memory, as a square-root-free information filter.
 //!
-//! What is kept is triangular: row `i` says `x_i + sum r_ij x_j = z_i` over the later `j`, with a
-//! weight. New rows are rotated in without square roots (Gentleman, J. Inst. Maths Applics 12,
-//! 1973; Bierman, Factorization Methods for Discrete Sequential Estimation, 1977): the condition
-//! is that of the rows, not its square as in normal equations, so single precision is enough for
-//! corrections to a solution, and an answer costs one substitution.
+//! The state is triangular: row `i` says `x_i + sum r_ij x_j = z_i` over the later `j`, with a weight. New
+//! rows are rotated in without square roots (Gentleman, J. Inst. Maths Applics 12, 1973; Bierman,
+//! Factorization Methods for Discrete Sequential Estimation, 1977): the condition number is that of the
+//! rows, not its square as in normal equations, so single precision is enough for corrections to a
+//! solution, and a solution is one substitution.
 
 use nalgebra::{ArrayStorage, SVector};
 
@@ -12,25 +12,24 @@ use nalgebra::{ArrayStorage, SVector};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LeastSquares<const N: usize, const T: usize> {
-    /// How many of them, from the first on, are not known exactly. The others cost nothing.
+    /// Number of estimated parameters, from the first on. The others cost nothing.
     count: usize,
     weight: SVector<f32, N>,
     /// Row by row the later coefficients and, last, `z`.
     rows: SVector<f32, T>,
 }
 
-/// What rows were before they were taken in.
+/// Statistics of rows against what was known before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Added {
-    /// Squares of what was measured beyond what was known, each in its variance: together, by how
-    /// much the weighted sum of squared residuals rises.
+    /// Normalized square of the innovations: the growth of the weighted sum of squared residuals.
     pub square: f32,
-    /// Determinant of their covariance, against that of the rows' own: one, and the sum of what the
-    /// parameters add in one direction.
+    /// Determinant of their covariance over that of the rows' own noise: one plus the parameters' part, in
+    /// one direction.
     pub determinant: f32,
 }
 
-/// What is known of a step of a walk once the parameters are: `step + by . x = z`, with a variance.
+/// Row of a random-walk step, given the parameters: `step + by . x = z`, with a variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WalkStep<const N: usize> {
     pub by: SVector<f32, N>,
@@ -41,15 +40,14 @@ pub struct WalkStep<const N: usize> {
 impl<const N: usize, const T: usize> LeastSquares<N, T> {
     const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
 
-    /// Of no parameter: all zeros, for it to take no flash.
+    /// Of no parameter: all zeros, to take no flash.
     pub const EMPTY: Self = Self {
         count: 0,
         weight: SVector::from_array_storage(ArrayStorage([[0.0; N]])),
         rows: SVector::from_array_storage(ArrayStorage([[0.0; T]])),
     };
 
-    /// Independent prior knowledge: each parameter is zero with a standard deviation, which is zero
-    /// of the last ones at most.
+    /// Independent prior: zero with these standard deviations, which may be zero for the last ones.
     #[cfg(any(test, feature = "literal"))]
     pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
         let mut own = Self::EMPTY;
@@ -57,20 +55,20 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         own
     }
 
-    /// Takes over prior knowledge where there was [`Self::EMPTY`]: many are large, and not to be copied.
+    /// Sets the prior of [`Self::EMPTY`] in place: it is large.
     pub fn set_prior(&mut self, sigma: &SVector<f32, N>) {
         let () = Self::SIZES_MATCH;
         self.count = sigma.iter().take_while(|sigma| **sigma > 0.0).count();
         self.weight = sigma.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 });
     }
 
-    /// How many parameters are not known exactly: those from the first on.
+    /// Number of estimated parameters.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
-    /// those of one parameter after those of another, and is used up.
+    /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` is a row per
+    /// parameter, and is overwritten.
     pub fn add<const R: usize>(
         &mut self,
         coefficients: &mut [[f32; R]; N],
@@ -126,10 +124,10 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         self.add(&mut rows, measured, variance.map(|variance| 1.0 / variance));
     }
 
-    /// Lets parameter `index` have walked: adds `variance` to its spread.
+    /// Adds a random-walk step of this variance to parameter `index`.
     ///
-    /// The step of the walk is one more unknown, known to be zero with `variance`; it is rotated
-    /// out of all rows that hold it, from the last up, and its own row is given away.
+    /// The step is one more unknown with a prior of zero; it is rotated out of all rows that contain it,
+    /// from the last up, and its own row is returned.
     pub fn diffuse(&mut self, index: usize, variance: f32) -> Option<WalkStep<N>> {
         if variance < f32::MIN_POSITIVE || index >= self.count {
             return None;
@@ -174,7 +172,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         })
     }
 
-    /// Renames parameter `index`: new = old + `by . x`, where `by` holds later parameters alone.
+    /// Replaces parameter `index` by itself plus `by . x`, where `by` holds later parameters alone.
     pub fn redefine(&mut self, index: usize, by: &SVector<f32, N>) {
         if index >= self.count {
             return;
@@ -199,7 +197,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
-    /// The least-squares value of each parameter.
+    /// Back substitution.
     pub fn solve(&self) -> SVector<f32, N> {
         let mut x = SVector::zeros();
         let rows = self.rows.as_slice();
@@ -224,7 +222,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         x
     }
 
-    /// From here on parameters are counted from the solution: each solves to zero.
+    /// Makes the solution the new origin of the parameters.
     pub fn zero_solution(&mut self) {
         for i in 1..=self.count {
             if let Some(z) = self.rows.as_mut_slice().get_mut(start(self.count, i) - 1) {
@@ -237,7 +235,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         self.variance_of(unit(index))
     }
 
-    /// Variance of the sums `coefficients . x` of rows as [`Self::add`] takes them, on average.
+    /// Mean variance of the sums `coefficients . x` of rows as [`Self::add`] takes them.
     pub fn mean_variance<const R: usize>(&self, coefficients: &[[f32; R]; N]) -> f64 {
         let mut sum = 0.0;
         let mut count = 0.0;
@@ -273,8 +271,8 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     }
 }
 
-/// Does something with each element and its partner, of as many in chunks of eight and the rest. Most of
-/// the work is here, and a quarter of it would be counting.
+/// Applies a function to pairs of elements, unrolled by eight: the inner loop of most of the work, of which
+/// the counting would be a quarter.
 fn by_eights<A, B, Eight: IntoIterator<Item = B>>(
     elements: &mut [A],
     (eights, rest): (impl IntoIterator<Item = Eight>, impl IntoIterator<Item = B>),
@@ -291,7 +289,7 @@ fn by_eights<A, B, Eight: IntoIterator<Item = B>>(
     }
 }
 
-/// One element of a row meets those of the rows that are rotated into it.
+/// Applies the rotations to one element of a row and those of the rows that are rotated in.
 fn givens<const R: usize>(old: &mut f32, new: &mut [f32; R], pivots: &[f32; R], takes: &[f32; R]) {
     for ((new, x), take) in new.iter_mut().zip(pivots).zip(takes) {
         *new -= x * *old;
@@ -299,8 +297,8 @@ fn givens<const R: usize>(old: &mut f32, new: &mut [f32; R], pivots: &[f32; R], 
     }
 }
 
-/// Takes the weight of a row whose pivot is `x` into that of the row it meets: what the one keeps
-/// of its weight, and what the other takes of its coefficients.
+/// Rotation of a row with pivot `x` into row `own`: the factor on its weight, and the coefficient by which
+/// `own` takes of it.
 fn rotate(own: &mut f32, weight: f32, x: f32) -> (f32, f32) {
     let total = *own + weight * x * x;
     let inverse = 1.0 / total;
@@ -314,7 +312,7 @@ const fn start(count: usize, i: usize) -> usize {
     i * count - i * (i.saturating_sub(1)) / 2
 }
 
-/// The row that is one parameter alone.
+/// Row that selects one parameter.
 fn unit<const N: usize>(index: usize) -> [f32; N] {
     core::array::from_fn(|i| if i == index { 1.0 } else { 0.0 })
 }

@@ -1,4 +1,4 @@
-//! What a fix measures, kind by kind.
+//! Kinds of measurements in a fix.
 
 use nalgebra::Vector3;
 
@@ -20,7 +20,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them, in the order in which they are taken.
+    /// All of them, in the order of their updates.
     pub const ALL: [Self; 4] = [Self::Velocity, Self::Climb, Self::Position, Self::Height];
 
     /// Velocity or position.
@@ -31,12 +31,12 @@ impl Kind {
         }
     }
 
-    /// Up, else east and north.
+    /// Vertical, else east and north.
     pub fn is_up(self) -> bool {
         matches!(self, Self::Climb | Self::Height)
     }
 
-    /// What the receiver is configured to have of it.
+    /// Configured noise of the receiver.
     pub fn noise(self, config: &Config) -> &Noise {
         let gnss = &config.gnss;
         match self {
@@ -53,14 +53,14 @@ impl Kind {
 pub struct Difference {
     /// m/s or m.
     pub value: Vector3<f64>,
-    /// How many fixes it is the mean of.
+    /// Number of fixes in the mean.
     pub fixes: f64,
-    /// Variance of one component of one fix as the receiver states it, positive.
+    /// Stated variance of one component of one fix, positive.
     pub stated_variance: Option<f64>,
-    /// Variance that it has on top.
+    /// Additional variance.
     pub extra_variance: f64,
-    /// Whether it is of an antenna and by the receiver's clock.
+    /// Whether lever arm and latency apply.
     pub from_receiver: bool,
-    /// Latency already taken out by the choice of the moment, s.
+    /// Latency already compensated, s.
     pub latency_applied_s: f64,
 }

@@ -1,7 +1,7 @@
 //! The whole navigator: samples and fixes in, solution and estimates out.
 //!
-//! Data flows one way: sample, increments, mechanization under the damping controls, ring of past
-//! moments; fix, comparison with its own moment, damping controls, estimators, compensation.
+//! Data flows one way: sample, increments, mechanization under the damping controls, ring of past states;
+//! fix, comparison with the INS of its own time, damping controls, estimators, compensation.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -23,42 +23,42 @@ use crate::samples::{ANYWHERE_M, BaroHeight, FixSigma, GnssFix, Heading, ImuSamp
 use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
-/// Moments of the past that are remembered unless the user chooses: two seconds, for a latency and
-/// a late arrival of one second each.
+/// Entries of the ring unless the user chooses: two seconds, for a latency and a late arrival of one second
+/// each.
 pub const RING_MOMENTS: usize = 22;
-/// Furthest a fix may lie before or after the inertial samples, s.
+/// Largest difference of a fix's stamp from the inertial ones, s.
 const LARGEST_OFFSET_S: f64 = 1.5;
-/// How long stamps must go on in step to be believed after a hole, and before the last one, s. A
+/// Duration of a run of consistent stamps until it is accepted after a gap, and before the last stamp, s. A
 /// few stray ones must not move the clock, nor a buffer of old samples that is sent again.
 const AFTER_HOLE_S: f64 = 0.05;
-/// Longest hole that one stamp is enough to show, and longest interval of stamps in step, s.
+/// Longest gap that a single stamp proves, and longest interval within a run of stamps, s.
 const PLAIN_HOLE_S: f64 = 0.5;
 const SET_BACK_S: f64 = 1.0;
-/// Longer than any increment, s: the interval of the first, or of one after a hole, is not known.
+/// Longer than any increment, s: the interval of the first, or of one after a gap, is not known.
 const LONGEST_READING_S: f64 = 1.0;
-/// Heights and speed that no vehicle this is for exceeds, m and m/s.
+/// Heights, m, and speed, m/s, beyond those of any vehicle this is for.
 const LOWEST_M: f64 = -12_000.0;
 const HIGHEST_M: f64 = 100_000.0;
 const FASTEST_MPS: f64 = 3_000.0;
-/// Less than any heading is known by, rad.
+/// Least sigma of a heading, rad.
 const LEAST_HEADING_SIGMA_RAD: f64 = 1e-5;
-/// Least time between two fixes that are alike, s: each takes a piece of work, of which there are a hundred
-/// a second, and the estimators want theirs.
+/// Least time between two fixes of like content, s: each takes a step of work, of which there are a hundred
+/// a second, and the estimators need theirs.
 const LEAST_FIX_INTERVAL_S: f64 = 0.015;
 
-/// Spread of a solution that is the last fix, m, m/s and rad of tilt, which pulls it away since then.
+/// Sigmas of a stopgap solution after its fix, m, m/s and rad of tilt, by which it drifts.
 const STOPGAP_M: f64 = 20.0;
 const STOPGAP_MPS: f64 = 5.0;
 const STOPGAP_RAD: f64 = 0.1;
-/// Longest hole over which it goes on as before, s.
+/// Longest gap over which it is extrapolated, s.
 const CARRIED_S: f64 = 60.0;
-/// Sigmas of that tilt by which gravity is felt elsewhere after a hole, of a unit that has slipped.
+/// Sigmas of that tilt by which the direction of gravity after a gap shows that the unit has slipped.
 const TIPPED_SIGMAS: f64 = 4.0;
 
 /// Strapdown INS damped by GNSS velocity, with running estimators of its sensors' errors.
 ///
-/// Clone it for a snapshot, or serialize it: what is restored goes on in the same bits. Two are
-/// equal if they will answer alike, whatever each has counted so far.
+/// Clone it for a snapshot, or serialize it: a restored one continues bit for bit. Two are equal if they
+/// will answer alike, whatever each has counted so far.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Navigator<const RING: usize = RING_MOMENTS> {
@@ -81,7 +81,7 @@ fn usable<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Config, D::Error>
     Ok(config)
 }
 
-/// Stamps that do not follow the last one, but each other.
+/// Run of stamps that do not follow the last one, but each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct OutOfSequence {
@@ -89,17 +89,17 @@ struct OutOfSequence {
     last: Time,
 }
 
-/// A hole that was filled in, and by how much the readings at both ends differ, rad/s and m/s^2.
+/// A gap that was interpolated, and the difference of the readings at both ends, rad/s and m/s^2.
 #[derive(Clone, Copy, Debug)]
 struct Bridged {
     seconds: f64,
     ends_differ: [f64; 2],
 }
 
-/// Time for which a position may be a copy of the last, s: those of GNSS come once a second at least.
+/// Time in which a position may be a copy of the last, s: those of GNSS come once a second at least.
 const REPEATED_S: f64 = 1.5;
 
-/// All that changes.
+/// All state but the counts.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct State<const RING: usize> {
@@ -107,21 +107,20 @@ struct State<const RING: usize> {
     inertial: Option<(Time, Increments)>,
     /// Samples whose stamps do not follow the last one.
     out_of_sequence: Option<OutOfSequence>,
-    /// The last interval as the sensors measured it.
+    /// Last interval, uncompensated.
     interval: Interval,
-    /// The last fix that was taken: its stamp, level velocity and position.
+    /// Last fix that was taken: its stamp, level velocity and position.
     last_fix: Option<(Time, Option<Vector2<f64>>, Option<LatLon>)>,
     barometer: Barometer,
     restarts: u32,
-    /// Where the accelerometer biases that alignment knows were found; zero: where it levels.
+    /// At which the accelerometer biases that alignment knows were estimated; zero: at its own level.
     level_force_mps2: Vector3<f64>,
-    /// While an INS that was lost is aligned anew: what is left of it, set right by each fix, and when
-    /// its position was last.
+    /// During a new alignment: the diverged INS, set to each fix, and the time of its last position.
     stopgap: Option<(Time, Mechanization)>,
     mode: Mode<RING>,
 }
 
-/// What the navigator is busy with. Both live in place: there is nowhere else.
+/// Both live in place: there is nowhere else.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[allow(clippy::large_enum_variant)]
@@ -131,34 +130,30 @@ enum Mode<const RING: usize> {
 }
 
 impl Navigator {
-    /// A navigator that knows nothing yet.
+    /// A navigator without prior calibration.
     ///
-    /// # Errors
-    /// [`ConfigError`] names the first value that cannot be used.
+    /// # Errors [`ConfigError`] names the first value that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         Self::with_ring(config, None)
     }
 
-    /// A navigator that knows what an earlier run has found out about the same unit.
+    /// A navigator with the calibration of an earlier run of the same unit.
     ///
     /// What the configuration gives stays as given. Where the position is known too, give it as a first
     /// fix; a heading by [`Navigator::on_heading`].
     ///
-    /// # Errors
-    /// As [`Self::new`]; also for a calibration that is not finite, or a negative sigma. With one of zero a
-    /// value is none, and what is configured stands.
+    /// # Errors As [`Self::new`]; also for a calibration that is not finite, or a negative sigma. With a
+    /// sigma of zero a value is unused, and the configuration stands.
     pub fn warm(config: Config, calibration: &Calibration) -> Result<Self, ConfigError> {
         Self::with_ring(config, Some(calibration))
     }
 }
 
 impl<const RING: usize> Navigator<RING> {
-    /// A navigator that remembers `RING` moments of its past, a good tenth of a second apart: fixes
-    /// that show an older moment, by their latency and late arrival together, are lost. Each takes
-    /// 160 bytes.
+    /// A navigator with `RING` past states, a good tenth of a second apart: fixes of an older time, by
+    /// their latency and late arrival together, are lost. Each takes 160 bytes.
     ///
-    /// # Errors
-    /// As [`Navigator::warm`].
+    /// # Errors As [`Navigator::warm`].
     pub fn with_ring(
         config: Config,
         calibration: Option<&Calibration>,
@@ -185,11 +180,11 @@ impl<const RING: usize> Navigator<RING> {
     }
 
     /// Takes one inertial sample, in order of time.
-    // Never inlined, nor is the next: what they cost, on the stack too, is then not the caller's.
+    // Never inlined, nor is the next: their stack is then not the caller's.
     #[inline(never)]
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
         let (state, config) = (&mut self.state, &self.config);
-        // One after the other: within each other their stacks would add up.
+        // One after the other: nested, their stacks would add up.
         let outcome = match state.on_imu(sample, &mut self.counts, config) {
             Ok(hole) => {
                 state.on_interval(hole, config);
@@ -210,12 +205,12 @@ impl<const RING: usize> Navigator<RING> {
         outcome
     }
 
-    /// Takes a measured heading, at any time, up to a tenth of a second before the sample of its moment.
-    /// While aligning it is the heading to start with, if levelling ends within a second; headings that
-    /// never are a second old end a search for one, and it is levelled anew. One known to no better than
-    /// 0.3 rad is [`GnssOutcome::OutOfRange`] until then: motion shows it better. Of those that agreed with an
-    /// INS that was lost all are [`GnssOutcome::Outlier`] until motion has shown it. The literal form takes
-    /// none later.
+    /// Takes a measured heading, at any time, up to a tenth of a second before the sample of its time.
+    /// While aligning it is the initial heading, if levelling ends within a second; headings that are never
+    /// a second old end a search for one, and levelling starts anew. One with a sigma above 0.3 rad is
+    /// [`GnssOutcome::OutOfRange`] until then: motion shows it better. After the divergence of an INS with
+    /// which headings agreed, all are [`GnssOutcome::Outlier`] until motion has shown it. The literal form
+    /// takes none later.
     #[inline(never)]
     pub fn on_heading(&mut self, heading: &Heading) -> GnssOutcome {
         let Some((now, _)) = self.state.inertial else {
@@ -235,9 +230,8 @@ impl<const RING: usize> Navigator<RING> {
         }
     }
 
-    /// Takes the height of a barometer, in order of time: what it climbs by in two seconds holds the
-    /// vertical while no fix tells it. It is no fix, and [`Health`] counts none for it. The literal form makes
-    /// nothing of it.
+    /// Takes the height of a barometer, in order of time: its change in two seconds aids the vertical while
+    /// no fix does. It is no fix, and [`Health`] counts none for it. The literal form does not use it.
     /// [`GnssOutcome::Repeated`]: the same to the last bit as two seconds ago, of a barometer that is stuck
     /// or too coarse.
     #[inline(never)]
@@ -263,12 +257,11 @@ impl<const RING: usize> Navigator<RING> {
 
     /// Position, velocity and attitude at the last inertial sample, once navigating.
     ///
-    /// With closed feedback the errors that the estimators still see in the damped INS are taken
-    /// out here; with open feedback it is the damped INS itself.
+    /// With closed feedback the estimated error of the damped INS is corrected here; with open feedback it
+    /// is the damped INS itself.
     ///
-    /// An INS that has lost its way is aligned anew; until that is done the solution is the last
-    /// fix, carried on by the sensors, with a heading that may be wrong; none where its level is
-    /// wrong too.
+    /// A diverged INS is aligned anew; meanwhile the solution is the last fix, propagated by the sensors,
+    /// with a heading that may be wrong; none where its level is wrong too.
     pub fn solution(&self) -> Option<Solution> {
         if let (Some((_, ins)), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
             return Some(Solution {
@@ -281,8 +274,7 @@ impl<const RING: usize> Navigator<RING> {
         Some(self.aided()?.solution(&self.config))
     }
 
-    /// The damped INS as it stands, before the errors still in it are taken out; its azimuth is
-    /// off by [`Self::azimuth_left_rad`].
+    /// The damped INS without that correction; its azimuth error is [`Self::azimuth_left_rad`].
     pub fn mechanization(&self) -> Option<&Mechanization> {
         Some(self.aided()?.mechanization())
     }
@@ -292,21 +284,20 @@ impl<const RING: usize> Navigator<RING> {
         self.aided().map_or(0.0, AidedIns::azimuth_left_rad)
     }
 
-    /// Spread of roll and pitch of the damped INS, rad, apart from what the level accelerometers
-    /// tilt it by; none in the literal form.
+    /// Sigma of roll and pitch of the damped INS, rad, without the part by the level accelerometers'
+    /// biases; none in the literal form.
     pub fn tilt_sigma_rad(&self) -> Option<f64> {
         Some(self.observer()?.tilt_sigma_rad())
     }
 
-    /// Noise of GNSS velocity, as coloured as it was found to be and as strong as configured; none in
-    /// the literal form.
+    /// Noise of GNSS velocity: the correlated part as learnt, the white one as configured; none in the
+    /// literal form.
     pub fn velocity_noise(&self) -> Option<Noise> {
         Some(self.observer()?.velocity_noise(&self.config))
     }
 
-    /// One standard deviation of the [solution](Self::solution), with open feedback less the errors that
-    /// the estimators see in it; none in the literal form. What the parameters add to it is up to five
-    /// seconds old.
+    /// One standard deviation of the [solution](Self::solution), with open feedback after correction by the
+    /// estimated error; none in the literal form. The part of the parameters is up to five seconds old.
     pub fn sigma(&self) -> Option<SolutionSigma> {
         if let (Some((since, _)), Some((time, _)), Mode::Aligning(alignment)) =
             (&self.state.stopgap, &self.state.inertial, &self.state.mode)
@@ -319,7 +310,7 @@ impl<const RING: usize> Navigator<RING> {
         self.aided()?.sigma(&self.config)
     }
 
-    /// Angular rate and specific force less the errors that are taken out, for an autopilot.
+    /// Compensated angular rate and specific force, for an autopilot.
     pub fn body_motion(&self) -> Option<BodyMotion> {
         let (time, _) = self.state.inertial.as_ref()?;
         let raw = &self.state.interval;
@@ -334,7 +325,7 @@ impl<const RING: usize> Navigator<RING> {
         })
     }
 
-    /// How it goes.
+    /// State of health.
     pub fn health(&self) -> Health {
         let observer = self.observer();
         Health {
@@ -350,7 +341,7 @@ impl<const RING: usize> Navigator<RING> {
         }
     }
 
-    /// What is known of the unit, for its next run.
+    /// The calibration of the unit, for its next run.
     pub fn calibration(&self) -> Calibration {
         match &self.state.mode {
             Mode::Aligning(alignment) => {
@@ -360,7 +351,7 @@ impl<const RING: usize> Navigator<RING> {
         }
     }
 
-    /// Errors of the sensors as known now.
+    /// Estimated errors of the sensors.
     pub fn estimates(&self) -> Estimates {
         match &self.state.mode {
             Mode::Aligning(alignment) => {
@@ -370,7 +361,7 @@ impl<const RING: usize> Navigator<RING> {
         }
     }
 
-    /// The manoeuvre going on.
+    /// The present manoeuvre.
     pub fn manoeuvre(&self) -> Manoeuvre {
         self.aided()
             .map_or_else(Manoeuvre::default, |ins| ins.manoeuvre)
@@ -395,8 +386,8 @@ impl<const RING: usize> Navigator<RING> {
 }
 
 impl<const RING: usize> State<RING> {
-    /// Makes the interval that ends with a sample; `Ok` holds the hole that it bridges, and `Err` what
-    /// became of a sample that ends none.
+    /// Makes the interval that ends with a sample; `Ok` holds the gap that it bridges, `Err` the outcome of
+    /// a sample that ends none.
     #[inline(never)]
     fn on_imu(
         &mut self,
@@ -424,7 +415,7 @@ impl<const RING: usize> State<RING> {
         let hole = increments.has_hole(seconds);
         let reading_s = math::min(increments.reading_seconds(seconds, hole), LONGEST_READING_S);
         if largest.out_of_range(reading_s, config) {
-            // Increments over longer intervals than before are larger.
+            // Increments over longer intervals are larger.
             let rarer = hole && !largest.out_of_range(seconds, config);
             if rarer && self.resumes(sample.time, AFTER_HOLE_S) {
                 self.restart_at(sample, counts, config);
@@ -460,8 +451,8 @@ impl<const RING: usize> State<RING> {
         Ok(bridged)
     }
 
-    /// What is bridged by the interval that ends with a sample: a hole, or what was not taken since the clock
-    /// was set back. Single stamps out of order are neither.
+    /// Gap that the interval before a sample bridges: missing samples, or those that were refused since the
+    /// clock was set back. Single stamps out of order are neither.
     #[inline(never)]
     fn bridge(
         &mut self,
@@ -482,7 +473,7 @@ impl<const RING: usize> State<RING> {
         });
         let [mut rate, accel] = increments.ends_differ(sample);
         if set_back_s > 0.0 {
-            // Of what was not taken all is lost, and not only what differs from its ends.
+            // The refused samples are lost entirely: not only the difference of the ends.
             rate += 2.0 * gyro / config.imu_output.per_rate(seconds);
         }
         (hole || set_back_s > 0.0).then_some(Bridged {
@@ -491,7 +482,7 @@ impl<const RING: usize> State<RING> {
         })
     }
 
-    /// Carries on over the interval that was made last.
+    /// Advances over the last interval.
     #[inline(never)]
     fn on_interval(&mut self, bridged: Option<Bridged>, config: &Config) {
         let Some((last, increments)) = &self.inertial else {
@@ -530,8 +521,8 @@ impl<const RING: usize> State<RING> {
         ImuOutcome::Accepted
     }
 
-    /// A stamp that does not follow the last one is ignored, unless others go on from there for
-    /// `credible_s`: then the clock was set, or a hole is over.
+    /// A stamp that does not follow the last one is ignored, unless a run of `credible_s` goes on from
+    /// there: then the clock was set, or a gap is over.
     fn resumes(&mut self, time: Time, credible_s: f64) -> bool {
         let in_step = self.out_of_sequence.filter(|out_of_sequence| {
             let seconds = time.seconds_since(out_of_sequence.last);
@@ -558,8 +549,8 @@ impl<const RING: usize> State<RING> {
         self.realign(sample.time, until, tipped, counts, config);
     }
 
-    /// The INS was followed up to `until`. Where gravity is felt elsewhere than before, the level is not
-    /// kept either: it may have been `tipped`.
+    /// The INS was propagated up to `until`. If gravity has another direction than before, the unit may
+    /// have been `tipped`, and the level is not kept.
     #[inline(never)]
     fn realign(
         &mut self,
@@ -602,7 +593,7 @@ impl<const RING: usize> State<RING> {
                 let left = (!ins.parameters_invalid && !tipped).then(|| *ins.mechanization());
                 self.stopgap = left.filter(is_possible).map(|ins| (since, ins));
                 extrapolate_stopgap(&mut self.stopgap, hole_s);
-                // Made where it stays, and changed there: else it would be copied over the stack.
+                // In place: else it would be copied over the stack.
                 self.mode = Mode::Aligning(Alignment::new(time, Some(until), &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
                     let left = self.stopgap.as_ref().map(|(_, ins)| ins);
@@ -612,12 +603,12 @@ impl<const RING: usize> State<RING> {
         }
     }
 
-    /// What is left to do once a sample is integrated.
+    /// Work after a sample.
     fn follow_up(&mut self, counts: &mut Counts, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(_) => {
                 self.start_navigation(config);
-                // What is known from before is taken out of the first sample on, not a second later.
+                // What is known from before is compensated from the first sample on, not a second later.
                 if let Mode::Navigating(ins) = &mut self.mode {
                     ins.compensate(config);
                 }
@@ -634,13 +625,14 @@ impl<const RING: usize> State<RING> {
         }
     }
 
-    /// Once it is aligned. Rare and large: its temporaries must not lie on the stack of every sample.
+    /// Starts navigation once aligned. Rare and large: its temporaries must not lie on the stack of every
+    /// sample.
     #[inline(never)]
     fn start_navigation(&mut self, config: &Config) {
         if let (Mode::Aligning(alignment), Some((now, _))) = (&self.mode, &self.inertial)
             && let Some(aligned) = alignment.aligned()
         {
-            // Copied, for what is made from them to be made where they lie.
+            // Copied, to construct in place from them.
             let (now, aligned, mut known) = (*now, *aligned, *alignment.known());
             let level_force_mps2 = aligned.level_force_mps2();
             if self.level_force_mps2 != Vector3::zeros() {
@@ -674,8 +666,8 @@ impl<const RING: usize> State<RING> {
             return outcome;
         }
         let last = self.last_fix.as_ref();
-        // What is the same while the vehicle goes on, as the fix says; without a velocity the INS does, which may
-        // be wrong.
+        // A copy of the last fix, while it shows motion; without a velocity the INS shows it, which may be
+        // wrong.
         let repeats = |ins: &AidedIns<RING>| {
             last.is_some_and(|(time, velocity, position)| {
                 if fix.velocity_en_mps.is_some() {
@@ -729,7 +721,7 @@ impl<const RING: usize> State<RING> {
     }
 }
 
-/// Whether what is stamped with a time can belong to what is known of the motion.
+/// Whether a stamp is near the inertial ones.
 fn check_time(time: Time, now: Time) -> Result<(), GnssOutcome> {
     let ahead_s = time.seconds_since(now);
     if ahead_s > LARGEST_OFFSET_S {
@@ -741,7 +733,7 @@ fn check_time(time: Time, now: Time) -> Result<(), GnssOutcome> {
     }
 }
 
-/// Magnitudes of the largest readings of a sample, all of which are finite.
+/// Largest magnitudes of a sample's readings, which are finite.
 #[derive(Clone, Copy, Debug)]
 struct Largest {
     gyro: f64,
@@ -756,7 +748,7 @@ impl Largest {
         }
     }
 
-    /// Whether one is beyond what the sensors can show in so many seconds.
+    /// Whether one is beyond the sensors' range, with increments over so many seconds.
     fn out_of_range(self, seconds: f64, config: &Config) -> bool {
         let scale = config.imu_output.per_rate(seconds);
         self.gyro > scale * config.sensors.gyro_range_radps
@@ -764,8 +756,8 @@ impl Largest {
     }
 }
 
-/// Spread of a stopgap whose position was set right so many seconds ago, ENU; before that position and
-/// height had these variances, m^2.
+/// Sigmas of a stopgap whose position was last set so many seconds ago, ENU; the variances, m^2, are those
+/// of position and height before that.
 fn stopgap_sigma(seconds: f64, stale_variance: &[f64; 2]) -> SolutionSigma {
     let seconds = math::max(seconds, 0.0);
     let pulled_mps = GRAVITY_EQUATOR_MPS2 * STOPGAP_RAD * seconds;
@@ -779,7 +771,7 @@ fn stopgap_sigma(seconds: f64, stale_variance: &[f64; 2]) -> SolutionSigma {
     }
 }
 
-/// Carries a stopgap over an interval.
+/// Advances a stopgap over an interval.
 #[inline(never)]
 fn step_stopgap(
     stopgap: &mut Option<(Time, Mechanization)>,
@@ -792,8 +784,7 @@ fn step_stopgap(
     }
 }
 
-/// Carries a stopgap over a hole of so many seconds, in which it goes on as before it; a clock that was set
-/// back makes it no younger.
+/// Extrapolates a stopgap over a gap of so many seconds; a clock that was set back makes it no younger.
 #[inline(never)]
 fn extrapolate_stopgap(stopgap: &mut Option<(Time, Mechanization)>, seconds: f64) {
     if let Some((since, ins)) = stopgap {
@@ -805,12 +796,12 @@ fn extrapolate_stopgap(stopgap: &mut Option<(Time, Mechanization)>, seconds: f64
     }
 }
 
-/// Whether an INS is no faster than vehicles are: faster, it would soon go beyond all numbers.
+/// Whether an INS is no faster than any vehicle: else numbers would soon overflow.
 fn is_possible(ins: &Mechanization) -> bool {
     ins.velocity_enu_mps.norm_squared() < FASTEST_MPS * FASTEST_MPS
 }
 
-/// Whether a fix can be of this Earth.
+/// Whether a fix can be true.
 #[inline(never)]
 fn check_fix(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let velocity = fix.velocity_enu_mps();

@@ -8,12 +8,11 @@ pub const COUNT: usize = 24;
 /// Elements of a triangular matrix over them.
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
-/// A measurement agrees with what was believed within this many sigma of the difference.
+/// Gate of a direct measurement, sigmas.
 pub(crate) const AGREES_SIGMAS: f64 = 4.0;
 
-/// Where each stands in a parameter vector. Those that change from fix to fix come first, for
-/// there the least squares lets them change at least cost; last come those that fewer sensors and
-/// receivers need, for what is known exactly at the end of the vector costs nothing.
+/// Place of each in a parameter vector. First those that change with every fix, for which the least squares
+/// are then cheapest; last those that are most often configured as known, where they cost nothing.
 pub mod index {
     /// Azimuth error `Phi_UP` of the platform now, rad.
     pub const AZIMUTH: usize = 0;
@@ -23,7 +22,7 @@ pub mod index {
     pub const GYRO: usize = 2;
     /// First of three accelerometer biases at the level attitude of the mount, m/s^2.
     pub const ACCEL: usize = 5;
-    /// Smoothing by the receiver: variance of the times that its output is a mean of, s^2.
+    /// Smoothing by the receiver: variance of the delays that its output averages, s^2.
     pub const SMOOTHING: usize = 8;
     /// By how much positions are later than the velocities beside them, s.
     pub const POSITION_DELAY: usize = 9;
@@ -37,8 +36,8 @@ pub mod index {
     pub const TURN_SCALE: usize = 17;
     /// First of three scale errors of the gyros in all other turns.
     pub const GYRO_SCALE: usize = 18;
-    /// First of three misalignments: what the gyros make of all other turns, about each axis of the
-    /// body, about the vertical, rad.
+    /// First of three misalignments: part of all other rotations, about each axis of the body, that is
+    /// sensed about the vertical, rad.
     pub const GYRO_MISALIGNMENT: usize = 21;
 }
 
@@ -92,7 +91,7 @@ impl Parameters {
         self.set(parameter, self.value(parameter), sigma);
     }
 
-    /// Whether an independent measurement of one parameter agrees with what is believed of it.
+    /// Gate of an independent measurement of one parameter.
     pub fn agrees(&self, parameter: usize, measured: f64, variance: f64) -> bool {
         let (off, sigma) = (measured - self.value(parameter), self.sigma(parameter));
         off * off < AGREES_SIGMAS * AGREES_SIGMAS * (sigma * sigma + variance)

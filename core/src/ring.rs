@@ -38,7 +38,7 @@ impl<T, const N: usize> Ring<T, N> {
         self.items.iter()
     }
 
-    /// Items from the first on that is `later`, where all after such a one are.
+    /// Items from the first `later` one on; all after it must be so as well.
     pub(crate) fn since_first(&self, later: impl Fn(&T) -> bool) -> impl Iterator<Item = &T> {
         let (front, back) = self.items.as_slices();
         let from = |items: &[T]| items.partition_point(|item| !later(item));

@@ -1,33 +1,33 @@
-//! Climb by a barometer, for as long as no fix tells the vertical.
+//! Climb by a barometer, while no fix measures the vertical.
 //!
-//! Where its zero lies nobody knows: weather, temperature and the flow about the vehicle move it. What it
-//! climbs by within seconds is known, and holds the vertical channel as the vertical velocity of a fix does.
+//! Its zero is unknown: weather, temperature and the flow about the vehicle move it. Its change within
+//! seconds is good, and aids the vertical channel like a vertical velocity.
 
 use crate::history::PastState;
 use crate::outcome::GnssOutcome;
 use crate::samples::BaroHeight;
 use crate::time::Time;
 
-/// Time over which it climbs, s: the middle lies a second back, for fixes that come as late to be later. And
-/// longest such time, for the ring to hold that middle.
+/// Interval of a climb, s: its middle is a second back, which late fixes may reach. And longest such
+/// interval, for the ring to hold the middle.
 const INTERVAL_S: f64 = 2.0;
 const LONGEST_S: f64 = 3.0;
-/// By how much air is warmer or colder than a standard atmosphere, and taller for it, one sigma, 1: 12 K. It
-/// is so for as long as a climb lasts, s.
+/// Scale error by air warmer or colder than standard, one sigma, 1: 12 K. It is constant for the duration
+/// of a climb, s.
 const WARMER: f64 = 0.04;
 const CLIMBS_S: f64 = 60.0;
 
-/// The height that the next climb begins with.
+/// Height at the start of the next climb.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Barometer {
     last: Option<BaroHeight>,
 }
 
-/// A climb, and the noise of its velocity.
+/// A climb, and the variance of its velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Climb {
-    /// In its middle.
+    /// Of its middle.
     pub time: Time,
     mps: f64,
     variance: f64,
@@ -45,10 +45,9 @@ pub struct ClimbDifference {
 }
 
 impl Barometer {
-    /// Takes a height; a climb ends with some.
+    /// Takes a height; some end a climb.
     ///
-    /// # Errors
-    /// What is wrong with it.
+    /// # Errors What is wrong with it.
     pub fn take(&mut self, height: &BaroHeight) -> Result<Option<Climb>, GnssOutcome> {
         let Some(last) = self.last else {
             self.last = Some(*height);
@@ -82,16 +81,16 @@ impl Barometer {
 }
 
 impl ClimbDifference {
-    /// Whether it still says something at a later moment: the ring holds what has happened since.
+    /// Whether it is still used at a later time: the ring holds the time between.
     pub fn is_valid_at(&self, moment: Time) -> bool {
         moment.seconds_since(self.time) < INTERVAL_S
     }
 }
 
 impl Climb {
-    /// The INS in the middle against it.
+    /// Compares the INS of the middle with it.
     pub fn difference(&self, ins: &PastState) -> ClimbDifference {
-        // A mean is not what is in the middle where the climb bends.
+        // Mean velocity against that of the middle, with a jerk.
         let bent_mps = ins.jerk_mps3.z * self.seconds * self.seconds / 24.0;
         ClimbDifference {
             time: self.time,

@@ -1,4 +1,5 @@
-//! INS minus GNSS: a fix beside the INS of its own moment, or several that are close to each other.
+//! INS minus GNSS: a fix beside the INS of its own time, or the mean of several that are close to each
+//! other.
 
 use nalgebra::Vector3;
 
@@ -9,40 +10,39 @@ use crate::measurement::{Difference, Kind};
 use crate::samples::GnssFix;
 use crate::time::Time;
 
-/// Fixes closer than this to the last that were compared wait for the next, and are compared as
-/// one, s: the errors of an INS change little meanwhile, and those of a receiver hardly more, so
-/// that their mean tells as much of both. No multiple of a usual interval: moments move by
-/// microseconds as the latency becomes known.
+/// Fixes closer than this to the last comparison wait for the next, and are compared as one, s: the errors
+/// of an INS change little meanwhile, and those of a receiver hardly more, so that the mean loses nothing.
+/// No multiple of a usual interval: times move by microseconds with the latency estimate.
 pub const AVERAGING_S: f64 = 0.29;
 
-/// What is due next for a comparison.
+/// Next step of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Step {
-    /// More fixes may join.
+    /// More fixes may be averaged.
     Gather,
-    /// The estimators come to its moment.
+    /// The estimators are propagated to its time.
     Advance,
-    /// They take what it has of each kind.
+    /// They are updated with one kind.
     Take(Kind),
-    /// The loops do.
+    /// The loops get it.
     Damp,
 }
 
-/// One kind of measurement in a comparison.
+/// Status of one kind of measurement in a comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Component {
     /// Whether the fixes have it.
     pub has: bool,
-    /// Its variance in one fix as the receiver states it.
+    /// Stated variance in one fix.
     pub stated: Option<f64>,
-    /// Whether the estimators have taken it.
+    /// Whether the estimators have accepted it.
     pub used: bool,
 }
 
 impl Component {
-    /// What a fix has, with its sigma; one that is not positive says nothing, as -1 of many receivers.
+    /// Of a fix, with its stated sigma; not positive, as -1 of many receivers, it is none.
     pub fn of(has: bool, sigma: Option<f64>) -> Self {
         Self {
             has,
@@ -53,7 +53,7 @@ impl Component {
         }
     }
 
-    /// Takes another fix to `count` of them, as this part of the mean.
+    /// Averages another fix with `count` of them, at this weight.
     fn average(&mut self, next: &Self, count: f64, part: f64) {
         self.has &= next.has;
         let left = 1.0 - part;
@@ -65,7 +65,7 @@ impl Component {
         };
     }
 
-    /// Part that another fix has in the mean with `count` of them.
+    /// Weight of another fix in the mean with `count` of them.
     fn weight_of(&self, next: &Self, count: f64) -> f64 {
         match (self.stated, next.stated) {
             (Some(own), Some(next)) => own / (count * next + own),
@@ -74,45 +74,44 @@ impl Component {
     }
 }
 
-/// A fix beside the INS of its own moment, or the mean of several such.
+/// A fix beside the INS of its own time, or the mean of several.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Comparison {
-    /// What is due.
+    /// Next step.
     pub step: Step,
-    /// The INS of the moment.
+    /// INS of that time.
     pub past: PastState,
-    /// How many fixes; none: it is of the barometer alone.
+    /// Number of fixes; zero: of the barometer alone.
     pub fixes: u8,
-    /// Stamp of the newest fix, its moment, and that of the last one of the comparison before.
+    /// Stamp of the newest fix, its time, and that of the last fix of the comparison before.
     pub stamp: Time,
     pub newest: Time,
     pub before: Time,
-    /// When it came.
+    /// Arrival of the newest fix.
     pub taken: Time,
-    /// Latency taken out by the choice of the moment, s.
+    /// Latency already compensated, s.
     pub latency_applied_s: f64,
     /// INS minus GNSS, ENU, m/s and m.
     pub velocity_mps: Vector3<f64>,
     pub position_m: Vector3<f64>,
-    /// What the fixes have of each kind.
+    /// Status of each kind.
     pub velocity: Component,
     pub climb: Component,
     pub position: Component,
     pub height: Component,
-    /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
-    /// has no part in.
+    /// Additional variance of the climb, (m/s)^2: that for its unknown sign, or of an assumed one.
     pub climb_variance: f64,
-    /// No fix measures the climb: it is assumed, within that.
+    /// The climb is not of a fix but assumed.
     pub climb_assumed: bool,
-    /// Since the last position, and since the last height, s.
+    /// Time since the last position, and since the last height, s.
     pub position_s: f64,
     pub height_s: f64,
 }
 
 impl Comparison {
-    /// Where no fix measures the vertical: INS minus its velocity as something else has it, and the
-    /// variance of that. A vertical velocity of the wrong sign has been left out, and has no part in it.
+    /// Vertical velocity that no fix measures: INS minus the assumed one, and its variance. One of a fix
+    /// with the wrong sign has been left out.
     pub fn assume_climb(&mut self, difference_mps: f64, variance: f64) {
         self.velocity_mps.z = difference_mps;
         self.climb = Component::of(true, None);
@@ -126,7 +125,7 @@ impl Comparison {
         self.velocity.used || climb || self.position.used || self.height.used
     }
 
-    /// Whether a fix of a moment can be put together with these.
+    /// Whether a fix of this time can be averaged with these.
     pub fn accepts(&self, fix: &GnssFix, moment: Time) -> bool {
         self.step == Step::Gather
             && moment.seconds_since(self.before) < 2.0 * AVERAGING_S
@@ -135,7 +134,7 @@ impl Comparison {
             && self.height.has == fix.height_m.is_some()
     }
 
-    /// Puts another fix to them.
+    /// Averages another one with these.
     pub fn add(&mut self, next: &Self) {
         let count = f64::from(self.fixes);
         self.fixes += 1;
@@ -155,7 +154,7 @@ impl Comparison {
         (self.stamp, self.newest, self.taken) = (next.stamp, next.newest, next.taken);
     }
 
-    /// What they have of a kind.
+    /// Status of a kind.
     pub fn component(&mut self, kind: Kind) -> &mut Component {
         match kind {
             Kind::Velocity => &mut self.velocity,
@@ -170,7 +169,7 @@ impl Comparison {
         self.newest.seconds_since(self.before)
     }
 
-    /// Goes on if no other fix need be waited for, or none has come for too long.
+    /// Closes it if no other fix can join, or none has come for too long.
     pub fn close(&mut self, now: Time) {
         let late = now.seconds_since(self.taken) > 2.0 * AVERAGING_S;
         if self.step == Step::Gather && (late || self.interval_s() >= AVERAGING_S) {
@@ -178,7 +177,7 @@ impl Comparison {
         }
     }
 
-    /// Goes on to what is due after a kind, or first.
+    /// Sets the step after a kind, or the first.
     pub fn next_step(&mut self, after: Option<Kind>) {
         let done = after.map_or(0, |after| 1 + after as usize);
         let mut left = Kind::ALL.into_iter().skip(done);
@@ -186,7 +185,7 @@ impl Comparison {
         self.step = next.map_or(Step::Damp, Step::Take);
     }
 
-    /// What the estimators are given of a kind.
+    /// Input of the estimators for a kind.
     pub fn difference(&mut self, kind: Kind) -> Difference {
         Difference {
             value: match kind.measured() {

@@ -1,4 +1,4 @@
-//! What is taken out of readings and stamps, and when.
+//! Compensation of readings and stamps by the estimates.
 
 use nalgebra::Vector3;
 
@@ -6,10 +6,10 @@ use crate::config::{Config, Feedback, Form};
 use crate::math;
 use crate::parameters::{Parameters, index};
 
-/// A parameter is taken out once its spread is below this part of what was believed before.
+/// A parameter is compensated once its sigma is below this part of the prior one.
 const BIAS_KNOWN: f64 = 0.5;
 const LATENCY_KNOWN: f64 = 0.2;
-/// Largest latency that is credible, s.
+/// Largest credible latency, s.
 const LATENCY_LIMIT_S: f64 = 1.2;
 
 /// Errors taken out of readings and stamps.
@@ -44,7 +44,7 @@ impl Compensation {
                 *accel = parameters.value(which);
             }
         }
-        // However little is known of it: what is left is all that has to be linear.
+        // However uncertain: only the rest of it must be linear.
         if exact || known(index::LATENCY, LATENCY_KNOWN) {
             self.latency_s = credible_latency(parameters);
         }

@@ -13,8 +13,8 @@ use crate::observer::Observer;
 use crate::parameters::Parameters;
 use crate::time::Time;
 
-/// Longest piece of the past that the observer steps over at once, s: within it attitude and
-/// force change little. Some more than the fixes that are compared as one take.
+/// Longest span of one time update, s: within it attitude and force change little. Somewhat more than the
+/// fixes that are compared as one.
 const PIECE_S: f64 = 0.35;
 
 /// The chosen form of the estimators. Both live in place: there is nowhere else.
@@ -30,7 +30,7 @@ pub enum Estimator {
 }
 
 impl Estimator {
-    /// Starts on a level of some spread, and with a vertical velocity and a place of some variance.
+    /// Starts with a tilt sigma and variances of the climb and of the position.
     #[expect(
         clippy::inline_always,
         reason = "made where it stays: otherwise it is copied over the stack"
@@ -59,7 +59,7 @@ impl Estimator {
         estimator
     }
 
-    /// The exact form, if it is that.
+    /// The exact form, if chosen.
     #[cfg_attr(not(feature = "literal"), expect(clippy::unnecessary_wraps))]
     pub fn exact(&self) -> Option<&Observer> {
         match self {
@@ -103,7 +103,7 @@ impl Estimator {
         }
     }
 
-    /// Brings the horizon to a later moment of the past, or a piece of the way there.
+    /// Propagates to a later time in the ring, or a step toward it.
     #[inline(never)]
     pub fn advance<const N: usize>(
         &mut self,
@@ -113,7 +113,7 @@ impl Estimator {
         accel_mps2: &Vector3<f64>,
         config: &Config,
     ) {
-        // Looked at where it lies: it is large.
+        // In place: it is large.
         let Some((piece, end)) = &history.next_span(self.horizon(), to, PIECE_S) else {
             return;
         };
@@ -126,8 +126,7 @@ impl Estimator {
         }
     }
 
-    /// The error of the INS after what has happened since the horizon, as far as it is known and
-    /// not yet taken out.
+    /// Error of the INS propagated over `since` from the horizon, as estimated and not yet corrected.
     pub fn predicted_error(&self, since: &Span, accel_mps2: &Vector3<f64>) -> InsError {
         match self {
             Self::Exact(observer) => observer.predicted_error(since, accel_mps2),

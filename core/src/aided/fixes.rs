@@ -1,5 +1,5 @@
-//! What a fix goes through: it waits for its moment, is put together with others that are close to
-//! it, and is compared with the INS of that moment, a step at a time.
+//! Path of a fix: it waits for the INS to reach its time, is averaged with others close to it, and is
+//! compared with the INS of that time, a step per call.
 
 use nalgebra::Vector3;
 
@@ -24,28 +24,26 @@ use crate::parameters::index;
 use crate::samples::GnssFix;
 use crate::time::Time;
 
-/// Least time between the moments of two fixes, s: with the latency they move.
+/// Least time between two fixes, s; with the latency estimate their times move.
 const LEAST_INTERVAL_S: f64 = 0.01;
-/// Least time between two positions that are used beside velocities, s, unless their noise is said
-/// to be white: else it changes more slowly.
+/// Least time between positions that are used beside velocities, s, unless configured as white: their noise
+/// changes more slowly.
 const POSITION_INTERVAL_S: f64 = 0.45;
-/// Time after which heights that come now and then do not tell the vertical any more, s.
+/// Time after which rare heights do not hold the vertical any more, s.
 const UNTOLD_S: f64 = 1.0;
-/// Time for which a vehicle keeps up a climb, s: what is assumed of it counts once in so long.
+/// Correlation time of a climb, s: what is assumed of it counts once in so long.
 const CLIMB_S: f64 = 10.0;
-/// Time over which the accelerometers feel a change of the climb, s: within the ring, and long for a road
-/// to become steeper.
+/// Interval of the sign test by the accelerometers, s: within the ring, and long against changes of slope.
 const FELT_S: f64 = 0.9;
-/// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
-/// a larger one must have.
+/// Sigma below which any azimuth error is taken out, rad, and sigmas that it must have otherwise.
 const AZIMUTH_KNOWN_RAD: f64 = 0.035;
 const AZIMUTH_SIGMAS: f64 = 3.0;
-/// Errors of the INS that are taken out at once, m and m/s: the loops are linear, and slow.
+/// Errors of the INS that are corrected at once, m and m/s: the loops are linear, and slow.
 const JUMP_M: f64 = 100.0;
 const JUMP_MPS: f64 = 3.0;
 
 impl<const N: usize> AidedIns<N> {
-    /// Takes a fix, or lets it wait.
+    /// Takes a fix, or queues it.
     pub fn on_fix(&mut self, fix: &GnssFix, counts: &mut Counts, config: &Config) -> GnssOutcome {
         let at_once = match self.pending.oldest() {
             None => self.gather(fix, true, config),
@@ -58,8 +56,8 @@ impl<const N: usize> AidedIns<N> {
         outcome
     }
 
-    /// Lets a fix wait; one that has waited longest makes room if its moment has come, and what goes
-    /// on is brought to an end for it. Else nothing is changed.
+    /// Queues a fix; in a full queue the oldest makes room if the ring has reached its time, and the
+    /// comparison going on is finished for it. Else nothing is changed.
     #[inline(never)]
     fn queue(&mut self, fix: &GnssFix, counts: &mut Counts, config: &Config) -> GnssOutcome {
         if self.pending.push(*fix).is_ok() {
@@ -72,7 +70,7 @@ impl<const N: usize> AidedIns<N> {
         if !come {
             return GnssOutcome::TooFarAhead;
         }
-        // First a comparison that does not take it may have to be closed.
+        // A comparison that cannot take it must be closed first.
         while !self.take_pending(false, counts, config) && self.compare(counts, config) {}
         match self.pending.push(*fix) {
             Ok(()) => GnssOutcome::Queued,
@@ -80,7 +78,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Stamp of the newest fix that has no outcome yet, and how many have none.
+    /// Stamp of the newest fix without an outcome, and how many have none.
     pub fn undecided(&self) -> Option<(Time, u8)> {
         let compared = self.comparison.as_ref();
         (self.pending.iter()).fold(compared.map(|own| (own.stamp, own.fixes)), |before, fix| {
@@ -89,7 +87,7 @@ impl<const N: usize> AidedIns<N> {
         })
     }
 
-    /// Takes the fix that has waited longest, if its moment has passed.
+    /// Takes the oldest queued fix, if the ring has reached its time.
     pub(super) fn take_pending(
         &mut self,
         wait: bool,
@@ -107,13 +105,13 @@ impl<const N: usize> AidedIns<N> {
         outcome.is_some()
     }
 
-    /// Puts a fix beside the INS of its moment; `None` while that lies ahead, or another is being
-    /// compared.
+    /// Compares a fix with the INS of its time; `None` while that is ahead, or another comparison is going
+    /// on.
     #[inline(never)]
     fn gather(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
         let mut found = self.history.at(moment, wait);
-        // Where it lies: it is large.
+        // In place: it is large.
         let past = match &mut found {
             Ok(past) => past,
             Err(Missing::Future) => return None,
@@ -136,7 +134,7 @@ impl<const N: usize> AidedIns<N> {
         }
         if let Some(observer) = self.estimator.exact() {
             let memory_s = observer.smoothing_time_s();
-            // It is late by as much.
+            // No longer than the latency: a smoothing receiver is late by as much.
             let memory_s = math::min(memory_s, self.compensation.latency_s);
             self.history.smooth(past, memory_s);
         }
@@ -152,8 +150,8 @@ impl<const N: usize> AidedIns<N> {
         Some(GnssOutcome::Queued)
     }
 
-    /// What the vertical velocity of a fix is to be believed with, if it is; once its sign is found to be
-    /// wrong, all that was learnt of it is forgotten.
+    /// Variance to be added to the vertical velocity of a fix, if it can be used; once its sign is found to
+    /// be wrong, what was learnt of it is discarded.
     #[inline(never)]
     fn check_climb(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let was_wrong = self.vertical_sign.is_wrong();
@@ -167,7 +165,7 @@ impl<const N: usize> AidedIns<N> {
         variance
     }
 
-    /// Holds the change of a vertical velocity against what the accelerometers have felt of it.
+    /// Tests the sign of a vertical velocity by the accelerometers.
     #[inline(never)]
     fn test_climb_sign(&mut self, past: &PastState, fix: &GnssFix, config: &Config) {
         let (Some(up_mps), Some(observer)) = (fix.velocity_up_mps, self.estimator.exact()) else {
@@ -198,8 +196,8 @@ impl<const N: usize> AidedIns<N> {
             .test_accel(change_mps, felt_mps, 2.0 * noise * noise, motion_variance);
     }
 
-    /// What the loops have done to the climb from one moment to another, m/s: what is compensated is the
-    /// error of the sensors.
+    /// Vertical velocity by the loops between two times, m/s; compensation is no part of it, but of the
+    /// sensors.
     fn control_climb_mps(&self, from: Time, to: Time) -> f64 {
         let piece = self.history.next_span(from, to, f64::INFINITY);
         piece.map_or(0.0, |(since, _)| {
@@ -208,7 +206,7 @@ impl<const N: usize> AidedIns<N> {
         })
     }
 
-    /// Compares a fix with the INS of its moment, together with those that are being compared.
+    /// Adds a fix and the INS of its time to the comparison.
     #[inline(never)]
     fn add_comparison(&mut self, past: &PastState, fix: &GnssFix, climb_variance: Option<f64>) {
         let next = Comparison {
@@ -245,7 +243,7 @@ impl<const N: usize> AidedIns<N> {
         ins.local_earth().enu_between(&fix.place_or(&own), &own) - way_m
     }
 
-    /// Takes a climb of the barometer: with the next fixes, or by itself where there are none.
+    /// Takes a climb of the barometer: with the next fixes, or alone where there are none.
     pub fn on_climb(&mut self, climb: &Climb) {
         let (Ok(past), Some(_)) = (self.history.at(climb.time, false), self.estimator.exact())
         else {
@@ -268,7 +266,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// The next step of the comparison going on; whether there was one.
+    /// Next step of the comparison; whether there was one.
     #[inline(never)]
     pub(super) fn compare(&mut self, counts: &mut Counts, config: &Config) -> bool {
         let Some(comparison) = &self.comparison else {
@@ -287,8 +285,7 @@ impl<const N: usize> AidedIns<N> {
         true
     }
 
-    /// Brings the estimators a piece nearer to the moment of the comparison; once they are there, says
-    /// what of it is to be taken.
+    /// Propagates the estimators toward the time of the comparison; once there, selects what of it is used.
     fn advance_to_comparison(&mut self, config: &Config) {
         let from = self.estimator.horizon();
         if let Some(moment) = self.comparison.as_ref().map(|own| own.past.time)
@@ -326,7 +323,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Of fixes that do not tell the vertical: a climb of the barometer, or none for long.
+    /// Vertical velocity for fixes without any: of the barometer, or else after some time zero.
     #[inline(never)]
     fn assume_climb(&mut self, config: &Config) {
         let Some(comparison) = &self.comparison else {
@@ -354,7 +351,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Lets the estimators take one kind of measurement.
+    /// Updates the estimators with one kind of measurement.
     #[inline(never)]
     fn update_estimator(&mut self, kind: Kind, config: &Config) {
         let Some(comparison) = &mut self.comparison else {
@@ -383,15 +380,15 @@ impl<const N: usize> AidedIns<N> {
         comparison.next_step(Some(kind));
     }
 
-    /// Gives the loops what was taken, and says what became of the fixes; whether the INS is off by more
-    /// than the loops are for.
+    /// Sets the controls by what was used, and the outcome of the fixes; whether the INS error is beyond
+    /// the loops.
     #[inline(never)]
     fn finish_comparison(&mut self, counts: &mut Counts, config: &Config) -> bool {
         let Some(comparison) = self.comparison.take() else {
             return false;
         };
         let mut differences = self.differences(&comparison, config);
-        // Most of all where nothing is taken any more.
+        // Also, and above all, where no fix is accepted any more.
         if let Some(observer) = self.estimator.exact_mut() {
             observer.check_divergence(config);
             self.diverged |= observer.needs_realignment();
@@ -420,9 +417,8 @@ impl<const N: usize> AidedIns<N> {
         jumps
     }
 
-    /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only
-    /// positions are measured, velocities are those that the observer makes of them. What was taken
-    /// of positions acts for one interval of fixes instead of those of many, and as much stronger.
+    /// Differences for the loops, at the sensors and not at the antenna. Without velocities they are those
+    /// of the observer. Sparse positions act for one fix interval only, and proportionally stronger.
     fn differences(&self, taken: &Comparison, config: &Config) -> Differences {
         let past = &taken.past;
         let arm = match config.feedback {
@@ -469,7 +465,7 @@ impl<const N: usize> AidedIns<N> {
             azimuth_rad: (config.feedback == Feedback::Closed && significant).then_some(azimuth),
             ..*differences
         };
-        // From the moment that a fix shows until the controls have acted.
+        // From the time of the fix until the controls have acted.
         let lag_s = math::min(taken.interval_s(), HOLD_S) + self.now.seconds_since(taken.past.time);
         self.controls = damping::controls(&differences, lag_s, &config.damping);
         self.controls_until = self.now.plus_seconds(HOLD_S);
@@ -482,8 +478,8 @@ impl<const N: usize> AidedIns<N> {
     }
 }
 
-/// Whether an INS is off by more than all that the vehicle does: what is linear does not mend that, nor is
-/// what it has found meanwhile true.
+/// Whether the velocity error is larger than the vehicle's speed: then the linear model fails, and the
+/// parameters are wrong, too.
 fn is_misaligned(compared: &Comparison) -> bool {
     let off_mps = compared.velocity_mps.xy();
     let speed_mps = (compared.past.velocity_mps.xy() - off_mps).norm();

@@ -1,5 +1,5 @@
-//! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
-//! the fixes, with the estimators on top and their results taken out of the readings.
+//! The aided INS: mechanization under the damping controls, compared with GNSS at the times of the fixes,
+//! estimators, and compensation of the sensors by them.
 
 mod barometer;
 mod comparison;
@@ -39,41 +39,41 @@ use crate::samples::{GnssFix, Heading};
 use crate::solution::{Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
-/// Fixes that may wait for their moment.
+/// Length of the queue of fixes.
 const PENDING: usize = 10;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
-/// A hole that is longer may have fixes of its own, s.
+/// A longer gap may have fixes of its own, s.
 const LONG_HOLE_S: f64 = 0.3;
-/// Time for which a measured heading tells what the up gyro does, and rest, which may be a slow turn, does
-/// not, s.
+/// Time after a measured heading for which it determines the up gyro's bias, and rest, perhaps a slow turn,
+/// does not, s.
 const HEADING_MEMORY_S: f64 = 30.0;
-/// Interval at which an INS without fixes is corrected, s.
+/// Interval at which an INS without aiding is corrected, s.
 const COAST_S: f64 = 0.5;
-/// Time for which there is one piece of work, s: at ten fixes a second two thirds of these are busy.
+/// Sample time per step of work, s: at ten fixes a second two thirds of these are busy.
 const PIECE_OF_WORK_S: f64 = 0.0101;
 /// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
 
-/// What has turned the platform about the vertical, by cause.
+/// Rotation of the platform about the vertical, by cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct AzimuthTotals {
     /// Controls and compensations, rad.
     controls_rad: f64,
-    /// A unit of each gyro bias, s.
+    /// By a unit of each gyro bias, s.
     gyros_s: Vector3<f64>,
-    /// A unit of each gyro's scale error, rad: in all turns, and in those about the vertical.
+    /// By a unit of each gyro's scale error, rad: in all turns, and in those about the vertical.
     scales_rad: Vector3<f64>,
     vertical_rad: Vector3<f64>,
-    /// All turns, and those about the vertical, rad: a unit of each misalignment of the gyros is what
-    /// the first have beyond the others.
+    /// All rotations, and those about the vertical, rad: a unit of each misalignment of the gyros takes the
+    /// first beyond the others.
     angle_rad: Vector3<f64>,
     turn_rad: f64,
 }
 
 impl AzimuthTotals {
-    /// The same and a span more, over which up hardly turns in the body.
+    /// Appends a span, over which up hardly turns in the body.
     #[must_use]
     fn plus(mut self, span: &Span) -> Self {
         let up_s = span.attitude_s.row(2).transpose();
@@ -89,14 +89,14 @@ impl AzimuthTotals {
     }
 }
 
-/// What the estimators have to do besides taking fixes.
+/// Next work of the estimators, beside updates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Due {
     Nothing,
-    /// One of the spreads is due.
+    /// A sigma.
     Spread,
-    /// All parameters are: what comes before, in pieces, and the solution.
+    /// The steps that end with a solution.
     Horizon,
     Level,
     AzimuthWalk,
@@ -111,62 +111,61 @@ enum Due {
 pub struct AidedIns<const N: usize> {
     mechanization: Mechanization,
     now: Time,
-    /// Since the newest moment of the ring, and from the estimators' horizon to there.
+    /// Since the newest entry of the ring, and from the estimators' horizon to there.
     current: Span,
     vibration: Vibration,
-    /// Integral of the velocity meanwhile, ENU, m.
+    /// Integral of the velocity since then, ENU, m.
     moved_m: Vector3<f64>,
     before_current: Span,
     history: History<N>,
     estimator: Estimator,
     compensation: Compensation,
     controls: Controls,
-    /// Until when there are controls, and level ones.
+    /// End of the controls, and of level ones.
     controls_until: Time,
     level_until: Time,
     pending: Ring<GnssFix, PENDING>,
     comparison: Option<Comparison>,
-    /// By the barometer, for the next fixes that do not tell the vertical.
+    /// By the barometer, for the next fixes without vertical measurement.
     climb: Option<ClimbDifference>,
-    /// Moment of the newest fix that was taken, and of the last position.
+    /// Times of the newest fix, of the last position and of the last height.
     newest: Time,
     last_position: Time,
     last_height: Time,
-    /// When a heading was measured last.
+    /// Time of the last measured heading.
     last_heading: Time,
-    /// Of the last fix that told something vertical, or after which something was assumed.
+    /// Time of the last vertical measurement, or assumed one.
     last_vertical: Time,
-    /// When errors were last taken out of an INS without fixes.
+    /// Time of the last correction without aiding.
     last_coast: Time,
     rest: RestDetector,
     vertical_sign: VerticalSign,
-    /// Of the last fix whose climb was held against what is felt.
+    /// Last climb of the sign test by accelerometers.
     last_climb: Option<ClimbSample>,
     last_solve: Time,
     due: Due,
-    /// Whether a fix that waits may have its moment now.
+    /// Whether the ring may have reached the time of a queued fix.
     fixes_due: bool,
     since: Time,
-    /// Azimuth taken out since the start, rad: (7) to (11) ask for it.
+    /// Azimuth taken out since the start, rad: for (7) to (11).
     #[cfg(feature = "literal")]
     azimuth_removed_rad: f64,
-    /// From the start to the newest moment of the ring.
+    /// From the start to the newest entry of the ring.
     azimuth_totals: AzimuthTotals,
-    /// The one going on.
+    /// The present one.
     pub manoeuvre: Manoeuvre,
-    /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
+    /// Stamp and velocity difference of the last comparison, ENU, m/s.
     last_comparison: (Time, Vector3<f64>),
-    /// A hole whose end the estimators have not come to.
+    /// A gap that the estimators have not passed.
     hole: Option<Hole>,
-    /// It has lost its way, and has to be aligned anew.
+    /// The INS has diverged, and must be aligned anew.
     pub diverged: bool,
-    /// Not even what it has found can be believed.
+    /// Its parameters are wrong as well.
     pub parameters_invalid: bool,
 }
 
 impl<const N: usize> AidedIns<N> {
-    /// Starts where alignment ended; what that knows of the sensors and of the azimuth comes by
-    /// [`Self::believe`].
+    /// Starts from an alignment; the prior of parameters and azimuth comes by [`Self::set_prior`].
     #[expect(
         clippy::inline_always,
         reason = "made where it stays: otherwise 2 kB are copied over the stack"
@@ -223,10 +222,9 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Takes over what is known at the start: apart from [`Self::new`], for it to be written where it
-    /// stays and not copied over the stack.
+    /// Sets the prior: apart from [`Self::new`], to be written in place and not copied over the stack.
     pub fn set_prior(&mut self, known: &Parameters, source: AttitudeSource, config: &Config) {
-        // Of the gyros all that alignment has found; of the rest see [`Self::compensate`].
+        // Gyro biases as aligned; for the rest see [`Self::compensate`].
         if config.feedback == Feedback::Closed {
             self.compensation.gyro_radps = known.vector(index::GYRO);
         }
@@ -243,40 +241,40 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// All that has happened since the estimators' horizon.
+    /// Sums since the estimators' horizon.
     fn since_horizon(&self) -> Span {
         self.before_current.then(&self.current)
     }
 
-    /// The error of the INS now, as far as it is known and not yet taken out.
+    /// Error of the INS now, as estimated and not yet corrected.
     fn error(&self) -> InsError {
         self.estimator
             .predicted_error(&self.since_horizon(), &self.compensation.accel_mps2)
     }
 
-    /// The exact form of its estimators, if it is that.
+    /// The exact form of the estimators, if chosen.
     pub fn observer(&self) -> Option<&Observer> {
         self.estimator.exact()
     }
 
-    /// Spread of position, velocity and attitude, ENU.
+    /// Sigmas of position, velocity and attitude, ENU.
     pub fn sigma(&self, config: &Config) -> Option<SolutionSigma> {
         let since = self.since_horizon();
         let sigma = self.estimator.exact()?.sigma(&since, config);
         Some(self.hole.map_or(sigma, |hole| hole.widen(&sigma)))
     }
 
-    /// When the last level controls were set, if there are none any more.
+    /// Time of the last level aiding, if the controls have ended.
     pub fn coasting_since(&self) -> Option<Time> {
         (self.now > self.level_until).then(|| self.level_until.plus_seconds(-HOLD_S))
     }
 
-    /// Whether a measured heading has agreed with it of late: within the time in which a jump is found.
+    /// Whether a measured heading was accepted of late: within the detection time of a jump.
     pub fn is_heading_aided(&self) -> bool {
         self.now.seconds_since(self.last_heading) < AZIMUTH_JUMP.least_time_s
     }
 
-    /// A measured interval as the INS takes it.
+    /// A measured interval, compensated.
     pub fn compensated(&self, raw: &Interval) -> Interval {
         let out = &self.compensation;
         raw.without_bias(&out.gyro_radps, &out.accel_mps2)
@@ -290,12 +288,12 @@ impl<const N: usize> AidedIns<N> {
         &self.mechanization
     }
 
-    /// What has been found of the sensors.
+    /// Parameters as estimated.
     pub fn known(&self) -> &Parameters {
         self.estimator.parameters()
     }
 
-    /// The last comparison with GNSS and what acts on the INS.
+    /// Last comparison with GNSS, and controls.
     pub fn signals(&self) -> DampingSignals {
         let (time, difference_enu_mps) = self.last_comparison;
         DampingSignals {
@@ -306,7 +304,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// The damped INS, with closed feedback less the errors that the estimators still see in it.
+    /// The damped INS, with closed feedback corrected by the estimated error.
     pub fn solution(&self, config: &Config) -> Solution {
         let mut ins = self.mechanization;
         if config.feedback == Feedback::Closed {
@@ -334,12 +332,12 @@ impl<const N: usize> AidedIns<N> {
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
-            // What swings on an arm shows it in the scale of the gyros.
+            // A swinging arm is measured with the scale of the gyros.
             let scale = config.sensors.gyro_scale;
             let off = scale * scale + config.sensors.cross_axis_variance();
             for arm in &mut estimates.lever_arm_m {
                 let grown = math::sqrt(arm.sigma * arm.sigma + off * arm.value * arm.value);
-                // Of one that was told, no more than what was told; never less than what is known.
+                // But no more than its prior, and never less than its own sigma.
                 let most = math::max(arm.sigma, config.gnss.lever_arm_sigma_m);
                 arm.sigma = math::min(grown, most);
             }
@@ -351,9 +349,9 @@ impl<const N: usize> AidedIns<N> {
         self.error().tilt_rad.z
     }
 
-    /// What the azimuth error would be now if the starting heading had been kept and the gyros
-    /// compensated from the start: left over, less what controls and compensations have turned,
-    /// plus what the found errors of the gyros did.
+    /// Azimuth error that the INS would have now with its starting heading and gyros compensated from the
+    /// start: what is left, less the rotation by controls and compensations, plus the drift by the gyro
+    /// errors found.
     fn azimuth_error_rad(&self) -> f64 {
         let parameters = self.known();
         let turned = self.azimuth_totals.plus(&self.current);
@@ -368,9 +366,8 @@ impl<const N: usize> AidedIns<N> {
         self.azimuth_left_rad() - turned.controls_rad + drift + scale
     }
 
-    /// Inertial samples were missing for `seconds`, between readings that differ by so much, rad/s and
-    /// m/s^2, and were filled in. The estimators doubt that when they come to its end: fixes of before
-    /// know nothing of it.
+    /// Inertial samples were missing for `seconds` and interpolated, between readings that differ by rad/s
+    /// and m/s^2. The covariance grows when the horizon comes to its end: earlier fixes are not affected.
     pub fn on_hole(&mut self, seconds: f64, ends_differ: [f64; 2]) {
         let hole = Hole::after(self.now, seconds, ends_differ);
         let before = if seconds > LONG_HOLE_S {
@@ -399,8 +396,8 @@ impl<const N: usize> AidedIns<N> {
         self.accumulate(time, &interval, &step);
     }
 
-    /// What is left to do after an interval, a piece at a time to keep the longest call short: more
-    /// pieces where samples are rare.
+    /// Work after an interval, a step at a time to keep the longest call short: more steps where samples
+    /// are rare.
     #[inline(never)]
     pub fn follow_up(&mut self, raw: &Interval, counts: &mut Counts, config: &Config) {
         let mut left_s = raw.seconds;
@@ -422,7 +419,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// One piece of work: of a comparison, else a fix that waits, else of the estimators.
+    /// One step of work: of a comparison, else a queued fix, else of the estimators.
     fn work(&mut self, counts: &mut Counts, config: &Config) {
         if self.compare(counts, config) {
             return;
@@ -455,7 +452,7 @@ impl<const N: usize> AidedIns<N> {
         self.due = next;
     }
 
-    /// What the ring is about to forget the estimators must know.
+    /// The estimators must use what the ring is about to drop.
     fn make_room(&mut self, config: &Config) {
         if let Some(dropped) = self.history.next_dropped()
             && dropped > self.estimator.horizon()
@@ -464,7 +461,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Adds the present to the ring.
+    /// Appends the present to the ring.
     #[inline(never)]
     fn store_present(&mut self) {
         self.before_current.extend(&self.current);
@@ -491,7 +488,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Brings the estimators to a moment of the ring, or a piece of the way there.
+    /// Propagates the estimators to an entry of the ring, or a step toward it.
     #[inline(never)]
     fn advance(&mut self, to: Time, config: &Config) {
         let frame_rate = self.frame_rate();
@@ -516,8 +513,8 @@ impl<const N: usize> AidedIns<N> {
         self.before_current = since.map_or_else(Span::default, |(since, _)| since);
     }
 
-    /// Without GNSS the loops are open: what the observer sees in the INS is taken out at once,
-    /// again and again, for the position to follow it.
+    /// Without aiding there are no controls: the estimated error is corrected again and again instead, for
+    /// the position to follow the estimate.
     fn coast(&mut self, config: &Config) {
         self.controls = Controls::default();
         if config.feedback == Feedback::Open || self.now.seconds_since(self.last_coast) < COAST_S {
@@ -526,7 +523,7 @@ impl<const N: usize> AidedIns<N> {
         self.correct_ins();
     }
 
-    /// Takes the error that is known out of the INS.
+    /// Corrects the INS by its estimated error.
     #[inline(never)]
     fn correct_ins(&mut self) {
         self.last_coast = self.now;
@@ -538,7 +535,7 @@ impl<const N: usize> AidedIns<N> {
         let current = &mut self.current;
         current.control_position_m -= error.position_m;
         current.control_velocity_mps -= error.velocity_mps;
-        // The one turn that is both of those.
+        // Levelling and turning, as one rotation.
         let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
         current.control_tilt_rad -= error.tilt_rad - 0.5 * error.tilt_rad.cross(&up);
         current.way_m -= error.position_m;
@@ -553,7 +550,7 @@ impl<const N: usize> AidedIns<N> {
         earth.earth_rate() + earth.transport_rate(&self.mechanization.velocity_enu_mps)
     }
 
-    /// Adds a step to what has happened since the newest moment of the ring.
+    /// Adds a mechanization step to the sums since the newest entry of the ring.
     #[inline(never)]
     fn accumulate(&mut self, time: Time, interval: &Interval, step: &Step) {
         let (dt, controls) = (interval.seconds, &self.controls);
@@ -576,7 +573,7 @@ impl<const N: usize> AidedIns<N> {
         };
         self.current.extend(&one);
         self.vibration.add(force, &interval.angle_rad, dt);
-        // Where the position loop moves it, it moves without a velocity.
+        // The position loop moves it without a velocity.
         self.moved_m += step.way_m - dt * controls.velocity_mps;
         self.now = time;
         #[cfg(feature = "literal")]
@@ -585,10 +582,10 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// A vehicle at rest turns with the Earth: its gyros read their biases.
+    /// Zero-rate update: at rest gyros read Earth rate and their biases.
     #[inline(never)]
     fn zero_rate_update(&mut self, block: &RestBlock, config: &Config) {
-        // Where GNSS has no velocity, the INS that it holds has one.
+        // Without GNSS velocity by the INS.
         if self.is_moving() {
             return;
         }
@@ -604,11 +601,11 @@ impl<const N: usize> AidedIns<N> {
             let up = attitude.row(2).transpose();
             variance += up.component_mul(&up) * (UNSEEN_RADPS * UNSEEN_RADPS);
         }
-        // Where the azimuth is off the Earth rate has another direction.
+        // Earth rate turned by an azimuth error.
         let known = observer.parameters();
         let turned = attitude.row(0).transpose() * (earth_rate.y * known.sigma(index::AZIMUTH));
         variance += turned.component_mul(&turned);
-        // Quiet sensors may also be those of a slow turn: of a vehicle that is pushed, or afloat.
+        // Quiet sensors may also be in a slow turn: of a vehicle that is pushed, or afloat.
         let agrees = |(axis, (bias, variance)): (usize, (&f64, &f64))| {
             known.agrees(index::GYRO + axis, *bias, *variance)
         };
@@ -618,7 +615,7 @@ impl<const N: usize> AidedIns<N> {
         observer.update_directly(index::GYRO, &bias, &variance);
     }
 
-    /// Whether it goes somewhere, as far as it knows.
+    /// Whether the INS moves.
     pub fn is_moving(&self) -> bool {
         let level_mps = self.mechanization.velocity_enu_mps.xy();
         level_mps.norm_squared() > MOVING_MPS * MOVING_MPS
@@ -632,7 +629,7 @@ impl<const N: usize> AidedIns<N> {
                 math::atan2(past.attitude.m12, past.attitude.m22),
                 self.turned_since(measured.time),
             ),
-            // Since the newest moment of the ring it turns evenly, and until the next.
+            // Within a spacing of the newest entry the rate is taken for constant.
             Err(Missing::Future) if ago_s >= -SPACING_S => {
                 let turn_radps = self.current.turn_rad / math::max(self.current.seconds, 1e-9);
                 (self.mechanization.heading_rad() + turn_radps * ago_s, 0.0)
@@ -640,7 +637,7 @@ impl<const N: usize> AidedIns<N> {
             Err(Missing::Future) => return GnssOutcome::TooFarAhead,
             Err(Missing::TooOld) => return GnssOutcome::TooOld,
         };
-        // A platform turned by `Phi_UP` makes north appear further to the left by as much.
+        // A platform turned by `Phi_UP` sees north further to the left by as much.
         let azimuth = wrap_pi(own_rad - measured.heading_rad);
         let believed = self.azimuth_left_rad() - turned_rad;
         let taken = self.estimator.exact_mut().is_some_and(|observer| {
@@ -654,7 +651,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// How far the loops have turned the platform since a moment of the ring, rad.
+    /// Rotation of the platform by the loops since a time in the ring, rad.
     fn turned_since(&self, time: Time) -> f64 {
         let piece = self.history.next_span(time, self.now, f64::INFINITY);
         let since = piece
@@ -674,7 +671,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Takes out what has become known of the sensors, if it can be true.
+    /// Compensates the sensors by what has become known, if credible.
     #[inline(never)]
     pub fn compensate(&mut self, config: &Config) {
         if let Some(observer) = self.estimator.exact()
@@ -688,7 +685,7 @@ impl<const N: usize> AidedIns<N> {
     }
 }
 
-/// Takes an error out of an INS: the platform is levelled, then turned.
+/// Corrects an INS by an error: the platform is levelled, then turned.
 fn subtract_error(ins: &mut Mechanization, error: &InsError) {
     ins.velocity_enu_mps -= error.velocity_mps;
     let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);

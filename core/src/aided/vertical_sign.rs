@@ -1,9 +1,8 @@
-//! Whether the vertical velocity of GNSS is one, and goes the way of heights and accelerometers.
+//! Sign of the GNSS vertical velocity, and whether there is one.
 //!
-//! Receivers and their drivers disagree on whether up or down is positive, and a climb with the
-//! wrong sign looks like a bias of the vertical accelerometer, a heave with it like half a wave of
-//! latency. Heights tell: of the climb that the velocities add up to they show either that or its
-//! opposite. So does what the accelerometers feel from fix to fix.
+//! Receivers and drivers differ in whether up or down is positive. The wrong sign makes a climb look like a
+//! vertical accelerometer bias, and a heave like half a wave of latency. Likelihoods of the sign come from
+//! heights against the integrated velocity, and from changes of the velocity against the accelerometers.
 
 use nalgebra::Vector3;
 
@@ -15,32 +14,32 @@ use crate::math;
 use crate::samples::GnssFix;
 use crate::time::Time;
 
-/// Longest time over which velocities are added up, s: heights wander.
+/// Longest time of integration, s: heights wander.
 const WINDOW_S: f64 = 30.0;
-/// Longest time between two velocities that are added up, s.
+/// Longest interval between two velocities that are integrated, s.
 const HOLE_S: f64 = 3.0;
-/// Difference of log-likelihoods that decides, odds of one in 3000, and most that is kept.
+/// Log odds that decide, one in 3000, and their bound.
 const DECIDING_ODDS: f64 = 8.0;
 const MOST_ODDS: f64 = 24.0;
-/// Largest square of a height's error, in its variance, that counts: of a wrong one neither sign is
-/// right, and a single one does not decide.
+/// Bound on the normalized square of a height's residual: of an outlier neither sign is right, and one must
+/// not decide.
 const LARGEST_SQUARE: f64 = 12.0;
-/// Changes whose square is this times that of what is not known of them are felt; and over how many of
-/// them they are summed up: with more, what hardly fits better with one sign, such as swings that a receiver
-/// smooths and delays, would decide.
+/// Changes are used whose square is this times the variance of what the motion leaves unknown; and memory,
+/// in changes: with a longer one, a slightly better fit, as of swings that a receiver smooths and delays,
+/// would decide.
 const LEAST_SIGNAL: f64 = 9.0;
 const MEMORY_CHANGES: f64 = 32.0;
-/// Changes for which the noise that is configured counts as much as what is seen.
+/// Changes for which the configured noise counts as much as the residuals.
 const PRIOR_CHANGES: f64 = 4.0;
-/// Difference of log-likelihoods before anything is seen: of twenty receivers one has the wrong sign.
+/// Prior log odds: one receiver in twenty has the wrong sign.
 const PRIOR_ODDS: f64 = 3.0;
-/// Vertical velocities that may be zero to the last bit one after the other, of a vehicle that moves: rounded to
-/// a centimetre a second, one in twelve is.
+/// Exact zeros in a row that a moving vehicle's vertical velocity may have: rounded to a centimetre a
+/// second, one in twelve is.
 const ZEROS: u8 = 3;
-/// Odds from which on a velocity is used: with less it would tell a twentieth of itself, or the opposite.
+/// Log odds from which on a velocity is used: with less its gain would be below a twentieth, or negative.
 const LEAST_ODDS: f64 = 0.1;
 
-/// A fix's vertical velocity beside the INS of its moment.
+/// Vertical velocity of a fix beside the INS of its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ClimbSample {
@@ -48,7 +47,7 @@ pub struct ClimbSample {
     pub up_mps: f64,
     pub ins_mps: f64,
     pub accel_mps2: f64,
-    /// What a unit of each component of the antenna's arm adds to it, 1/s.
+    /// Partial by each component of the lever arm, 1/s.
     pub swing: Vector3<f64>,
 }
 
@@ -64,18 +63,18 @@ impl ClimbSample {
     }
 }
 
-/// What tells of vertical velocities so far.
+/// State of the sign test.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VerticalSign {
-    /// Difference of log-likelihoods of the two signs by heights, from windows that are over.
+    /// Log odds by heights, of the windows so far.
     log_odds: f64,
-    /// The same, of the window going on.
+    /// The same, of the present window.
     open_odds: f64,
     window: Option<Window>,
     last: Option<Last>,
     accel_test: AccelTest,
-    /// How many more may be zero; before the first that is not, none.
+    /// Zeros still allowed; none before the first other value.
     zeros_left: u8,
 }
 
@@ -84,12 +83,12 @@ pub struct VerticalSign {
 struct Window {
     start: Time,
     height_m: f64,
-    /// What the velocities add up to.
+    /// Integrated velocity.
     climbed_m: f64,
 }
 
 impl Window {
-    /// Mean velocity so far, and less before it has lasted for long.
+    /// Mean velocity so far, and less in a short window.
     fn climb_mps(&self, now: Time) -> f64 {
         self.climbed_m / math::max(now.seconds_since(self.start), MANOEUVRE_S)
     }
@@ -102,23 +101,23 @@ struct Last {
     up_mps: f64,
 }
 
-/// What changes of the velocity leave of those that the accelerometers feel, with either sign: sums of
-/// squares, in the variance of the noise as it is configured.
+/// Sums of squared residuals of velocity changes against the accelerometers, for either sign, in the
+/// configured variance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct AccelTest {
     changes: f64,
     if_up: f64,
     if_down: f64,
-    /// Difference of log-likelihoods, of noise as strong as it turns out to be.
+    /// Log odds, with the variance estimated by the residuals.
     log_odds: f64,
 }
 
 impl VerticalSign {
-    /// Takes a fix. Variance to be added to that of its vertical velocity; none: not to be used.
+    /// Takes a fix. Variance to be added to its vertical velocity; none: not to be used.
     pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let up_mps = fix.velocity_up_mps?;
-        // A receiver that has none writes zero. One that stands may write zeros of all.
+        // Receivers without one write zero. At rest all may be zero.
         let is_zero = |mps: f64| math::abs(mps) <= 0.0;
         let stands = fix
             .velocity_en_mps
@@ -147,8 +146,8 @@ impl VerticalSign {
         if sum > DECIDING_ODDS {
             return Some(0.0);
         }
-        // Not by this one alone: noise that makes it smaller would then count for more. The sign of a climb is
-        // that of all fixes in it: it counts once in a manoeuvre, not with each.
+        // The larger of two: noise that makes one smaller would raise its weight. The sign is common to all
+        // fixes of a climb: it counts once per manoeuvre.
         let before_mps = up_mps - change_mps;
         let most = math::max(up_mps * up_mps, before_mps * before_mps);
         let climb_mps = self.window.map_or(0.0, |window| window.climb_mps(fix.time));
@@ -156,23 +155,23 @@ impl VerticalSign {
         (sum > LEAST_ODDS).then(|| (most + climb_mps * climb_mps * fixes) * sign_factor(sum))
     }
 
-    /// Difference of log-likelihoods.
+    /// Log odds of the right sign.
     fn log_odds(&self) -> f64 {
         PRIOR_ODDS + self.log_odds + self.open_odds + self.accel_test.log_odds
     }
 
-    /// Whether vertical velocities are known to have the wrong sign.
+    /// Whether the sign is known to be wrong.
     pub fn is_wrong(&self) -> bool {
         self.log_odds() < -DECIDING_ODDS
     }
 
-    /// Whether it is known which way is positive.
+    /// Whether the sign is known.
     pub fn is_known(&self) -> bool {
         math::abs(self.log_odds()) > DECIDING_ODDS
     }
 
-    /// Takes what the accelerometers feel of a change of the climb as GNSS has it, unless they cannot tell:
-    /// with a variance of the noise, and another of what changes with the motion.
+    /// Adds a velocity change of GNSS beside that of the accelerometers, unless it is too small: with the
+    /// variance of the noise, and of what the motion leaves unknown.
     pub fn test_accel(&mut self, change_mps: f64, felt_mps: f64, noise: f64, motion_variance: f64) {
         if felt_mps * felt_mps < LEAST_SIGNAL * motion_variance {
             return;
@@ -187,10 +186,10 @@ impl VerticalSign {
         felt.log_odds = 0.5 * felt.changes * libm::log(down / up);
     }
 
-    /// Holds a height against what has been climbed since that at the start of the window.
+    /// Tests a height against the integrated velocity of the window.
     fn test_height(&mut self, time: Time, height_m: f64, config: &Config) {
         if let Some(window) = &self.window {
-            // Two heights, neither as good as is configured for sure.
+            // Two heights, each perhaps noisier than configured.
             let variance = 4.0 * config.gnss.height_m.variance();
             let rise_m = height_m - window.height_m;
             let misfit = |climbed_m: f64| {
@@ -217,15 +216,15 @@ impl VerticalSign {
     }
 }
 
-/// Variance of a velocity at first, (m/s)^2.
+/// Variance of a velocity by the prior odds of its sign, (m/s)^2.
 pub fn sign_variance(up_mps: f64) -> f64 {
     up_mps * up_mps * sign_factor(PRIOR_ODDS)
 }
 
-/// Variance of a velocity of unknown sign in its square: the sign is `tanh(log_odds / 2)` in the mean, and the
-/// rest of its mean square, one, is that of a velocity as much smaller.
+/// Variance of a velocity of unknown sign, over its square: the mean of the sign is `tanh(log_odds / 2)`,
+/// that of its square one; as a measurement divided by that mean.
 fn sign_factor(log_odds: f64) -> f64 {
-    // Its hyperbolic sine, to a thirtieth where they decide.
+    // Hyperbolic sine, to a thirtieth where it matters.
     let square = 0.25 * log_odds * log_odds;
     let times = 1.0 + square / 6.0 * (1.0 + square / 20.0 * (1.0 + square / 42.0));
     1.0 / (square * times * times)

@@ -1,14 +1,13 @@
-//! Which latency: candidates that suppose different ones, weighed by how likely each makes what
-//! GNSS saw.
+//! Multiple-model estimation of the latency: candidates with different latencies, weighed by their
+//! likelihoods.
 //!
-//! A latency is found by small corrections only where the motion does not change much meanwhile,
-//! and a quadrotor's darts are over in a second. Candidates a part of that apart cover from a second
-//! of a receiver that is late to half a second of inertial stamps that are, where only buffers make
-//! them late; each corrects its own. One that supposes more sees an antenna that swings the wrong way
-//! round, and sure of it. What they say together is the mean of their mixture,
-//! and its variance holds what they disagree by. All start at one moment and take the same
-//! sightings, each when the motion of that moment, as it supposes, has been integrated. Work is
-//! one node or one sighting of one candidate at a time.
+//! A candidate corrects its latency by linear steps, which works only while the motion changes little
+//! meanwhile; the manoeuvres of a quadrotor are over in a second. The candidates cover from a second of a
+//! receiver that is late to half a second of inertial stamps that are, where only buffers make them late;
+//! one further off would fit an antenna that swings the wrong way round. The result is the mean of the
+//! mixture, and its variance includes the spread of the candidates. All start at one time and take the same
+//! observations, each once the motion at its own time for them has been integrated. A step of work is one
+//! node or one observation of one candidate.
 
 use nalgebra::Vector2;
 
@@ -21,31 +20,31 @@ use crate::math;
 use crate::parameters::{Parameters, index};
 use crate::time::Time;
 
-/// Latencies supposed, s, and the spread of each: half the distance of two.
+/// Initial latencies, s, and the sigma of each: half the distance of two.
 const LATENCIES_S: [f64; 3] = [0.25, -0.25, 0.75];
 const LATENCY_SIGMA_S: f64 = 0.25;
-/// Moments before the first sighting that is taken, s: every candidate must have begun.
+/// Time before the first observation, s: every candidate must have begun.
 const LEAD_S: f64 = 1.0;
-/// Time over which residuals are judged, s.
+/// Memory of the residuals, s.
 const RESIDUAL_MEMORY_S: f64 = 10.0;
-/// Largest excess of the noise of GNSS, in variance, and least: a velocity's is stated, but what
-/// positions wander by in a second differs by a factor of ten from receiver to receiver.
+/// Bounds of the noise ratio of GNSS, in variance: velocities have a stated noise, but the wander of
+/// positions within a second differs by a factor of ten between receivers.
 const LARGEST_EXCESS: f32 = 400.0;
 const LEAST_EXCESS: f32 = 1.0;
 const LEAST_EXCESS_OF_MEANS: f32 = 0.04;
-/// Gain of speed that shows that the vehicle has begun to move, sigmas of a sighting.
+/// Gain of speed that shows that the vehicle moves, sigmas of an observation.
 const MOVED_SIGMAS: f32 = 5.0;
-/// Residuals beyond which, though the noise was widened, two motions are not one.
+/// Sigmas of the length of cosine and sine beyond which, with adapted noise, the start was wrong.
 const LENGTH_SIGMAS: f64 = 4.0;
-/// What the length of cosine and sine may be off by the errors of scale, of both sensors.
+/// Error of that length by the scale errors of both sensors.
 const LENGTH_ERROR: f64 = 0.1;
 
-/// Spreads that are good enough to navigate on at once: within them the estimators are linear.
+/// Sigmas to navigate on at once: within them the estimators are linear.
 const ROTATION_SIGMA_RAD: f64 = 0.06;
 const TILT_SIGMA_RAD: f64 = 0.05;
 const SHIFT_SIGMA_S: f64 = 0.1;
-/// Time in motion after which twice as much will do, and so on, up to the largest factor: 0.36
-/// rad of heading, 0.3 of tilt, 0.6 s.
+/// Time in motion after which twice as much is accepted, and so on, up to the largest factor: 0.36 rad of
+/// heading, 0.3 of tilt, 0.6 s.
 const PATIENCE_S: f64 = 30.0;
 const LARGEST_FACTOR: f64 = 6.0;
 
@@ -55,9 +54,9 @@ const LARGEST_FACTOR: f64 = 6.0;
 pub(crate) struct Bank {
     start: Time,
     candidates: [Candidate; LATENCIES_S.len()],
-    /// Whose turn it is.
+    /// The candidate that was last worked on.
     turn: u8,
-    /// Sightings that all have taken.
+    /// Observations that all have taken.
     taken: u32,
     first: Option<Observation>,
     excess: f32,
@@ -65,13 +64,13 @@ pub(crate) struct Bank {
     moving_s: f32,
     last_observation: Time,
     up_rate_radps: f32,
-    /// All have taken one sighting more since the last answer.
+    /// All have taken one observation more since the last answer.
     due: bool,
-    /// The likeliest when last asked.
+    /// The likeliest at the last answer.
     leader: u8,
 }
 
-/// What all candidates say together, and the one that says it best.
+/// Mean of the mixture, and its likeliest candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Mixture {
     pub(crate) best: u8,
@@ -82,19 +81,19 @@ pub(crate) struct Mixture {
     pub(crate) latency_sigma_s: f64,
 }
 
-/// Whether there is something to navigate on.
+/// Result of the search so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Answer {
     /// Not yet.
     Wait,
     /// Yes.
     Ready(Mixture),
-    /// The two motions are not one: what it started from was wrong.
+    /// The observations do not fit: the start was wrong.
     Wrong,
 }
 
 impl Bank {
-    /// Starts all at one moment.
+    /// Starts all at one time.
     pub(crate) fn new(start: &Start, known: &Parameters, config: &Config) -> Self {
         // One made and copied: all made would lie on the stack first.
         let mut candidates =
@@ -122,7 +121,7 @@ impl Bank {
         self.moving_s > 0.0
     }
 
-    /// A sighting has come; only how the vehicle moves is looked at, the rest is work for later.
+    /// A new observation: only tests for motion, the candidates take it later.
     pub(crate) fn on_observation(&mut self, observation: &Observation, number: u32) {
         let needed_s = LEAD_S + f64::from(observation.span_s);
         if self.first.is_none() && observation.time.seconds_since(self.start) > needed_s {
@@ -143,7 +142,7 @@ impl Bank {
         self.last_observation = observation.time;
     }
 
-    /// Does one piece of work; true if there is a new answer.
+    /// One step of work; true if there is a new answer.
     #[inline(never)]
     pub(crate) fn work(
         &mut self,
@@ -170,7 +169,7 @@ impl Bank {
         false
     }
 
-    /// One piece of work of one candidate, if there is any.
+    /// One step of one candidate, if there is any.
     fn work_on(
         &mut self,
         which: u8,
@@ -215,7 +214,7 @@ impl Bank {
         true
     }
 
-    /// All begin anew: what has misled the likeliest has misled all.
+    /// Restarts all: what has misled the likeliest has misled all.
     #[inline(never)]
     fn restart_search(&mut self, known: &Parameters) {
         for candidate in &mut self.candidates {
@@ -223,11 +222,11 @@ impl Bank {
         }
     }
 
-    /// Follows how much larger the residuals are than told.
+    /// Adapts the noise ratio to the residuals.
     fn adapt_noise(&mut self, misfit: f32, observation: &Observation) {
         let since_s = math::max(f64::from(observation.span_s), 0.2);
         let part = math::single(math::min(since_s / RESIDUAL_MEMORY_S, 0.5));
-        // One residual cannot do more than the window allows.
+        // Bounded, for a single residual.
         let excess = self.excess * (1.0 + part * (math::min(misfit, 9.0) - 1.0));
         let least = if observation.span_s > 0.0 {
             LEAST_EXCESS_OF_MEANS
@@ -237,7 +236,7 @@ impl Bank {
         self.excess = excess.clamp(least, LARGEST_EXCESS);
     }
 
-    /// The likeliest when last asked.
+    /// The likeliest at the last answer.
     pub(crate) fn leader(&self) -> Option<&Candidate> {
         self.candidate(self.leader)
     }
@@ -246,8 +245,8 @@ impl Bank {
         self.candidates.get(usize::from(which))
     }
 
-    /// Velocity of the vehicle where a candidate stands, E and N, m/s: that of its last sighting
-    /// and what was gained since.
+    /// Velocity of the vehicle at a candidate's time, E and N, m/s: the last observation and what was
+    /// gained since.
     pub(crate) fn velocity_en_mps(
         &self,
         which: u8,
@@ -258,7 +257,7 @@ impl Bank {
         Some(last.velocity_mps.map(f64::from) + candidate.gained_en_mps())
     }
 
-    /// Brings one candidate a node forward, whatever fixes say; true if it did.
+    /// Advances one candidate by a node, without observations; true if it did.
     pub(crate) fn catch_up(&mut self, which: u8, nodes: &Nodes, config: &Config) -> bool {
         let up_rate = f64::from(self.up_rate_radps);
         let Some(candidate) = self.candidates.get_mut(usize::from(which)) else {
@@ -300,7 +299,7 @@ impl Bank {
         }
     }
 
-    /// The mean of the mixture, and its variance about the best.
+    /// Mean and variance of the mixture, of the rotation about the likeliest.
     fn mixture(&self, known: &Parameters) -> Mixture {
         let all = self.candidates.each_ref().map(|candidate| {
             let found = candidate.found();
@@ -336,16 +335,14 @@ impl Bank {
     }
 }
 
-/// Logarithm of how likely a latency is by what is known of it. That says what is usual, or was so far, not
-/// what is possible: the tails are long.
+/// Log prior of a latency, with long tails: what is known of it is what is usual, or was so far.
 fn prior(found: &Found, known: &Parameters) -> f64 {
     let off_s = found.latency_s - known.value(index::LATENCY);
     let ratio = off_s / math::max(known.sigma(index::LATENCY), 1e-3);
     -libm::log(1.0 + ratio * ratio)
 }
 
-/// Logarithm of how likely a candidate is, with the length that its cosine and sine must have and what is
-/// known of the latency.
+/// Log weight of a candidate, with the constraint on the length of its cosine and sine.
 fn evidence(candidate: &Candidate, found: &Found, known: &Parameters) -> f64 {
     let off = (found.length - 1.0) / (found.length_sigma + LENGTH_ERROR);
     let unlikely = math::min(off * off, LENGTH_SIGMAS * LENGTH_SIGMAS);

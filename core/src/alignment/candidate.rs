@@ -1,39 +1,36 @@
-//! Heading from motion, for any unknown heading, with one latency supposed.
+//! Heading from motion, without any prior, at one initial latency.
 //!
-//! A levelled INS without a heading sees the velocity gained since the first fix, `u`, in a level
-//! frame that points anywhere. GNSS sees `v`, and of its gain `d = v - v_1` the same frame sees
-//! `c d + s d'`, with `(c, s)` the cosine and sine of the rotation that is sought and
-//! `d' = (d_N, -d_E)`. So, `e` being the error of `u` and `a` the acceleration of the antenna,
+//! A levelled INS without a heading measures the velocity gained since the first fix, `u`, in a level frame
+//! of arbitrary azimuth. GNSS measures `v`, and its gain `d = v - v_1` is `c d + s d'` in that frame, with
+//! `(c, s)` the cosine and sine of the rotation that is sought and `d' = (d_N, -d_E)`. So, with the error
+//! `e` of `u` and the acceleration `a` of the antenna,
 //!
 //! `u = e + c d + s d' + l (a - a_1)`
 //!
-//! is linear in everything unknown: a heading about which nothing is known starts as
-//! `(c, s) = 0` with variance 1/2 each, exactly the mean and variance of a direction on a circle.
-//! `l` is what the latency exceeds the supposed one by; the first fix is as late as the others.
-//! An antenna `b` away from the sensors moves by `C' b` more: in a steady turn an arm forward looks
-//! like a latency, so that three components of `b` are unknown too, and `- C' b` is in the sum.
-//! `e` grows by (1)-(2): `e' = f x phi`, `phi' = -C b`, with tilt `phi` and gyro biases `b`. What
-//! is found of `e`, `phi`, `b` and `l` goes into the INS at once, so that they stay small.
+//! is linear in all unknowns: an unknown heading starts as `(c, s) = 0` with variance 1/2 each, exactly the
+//! mean and variance of a direction on a circle. `l` is the latency beyond the initial one; the first fix
+//! is as late as the others. An antenna at the lever arm `b` moves by `C' b` more: in a steady turn a
+//! forward arm looks like a latency, so the three components of `b` are unknowns too, with `- C' b` in the
+//! sum. `e` grows by (1)-(2): `e' = f x phi`, `phi' = -C b`, with tilt `phi` and gyro biases `b`. Estimates
+//! of `e`, `phi`, `b` and `l` correct the INS at once, so that they stay small.
 //!
-//! The frame turns about up by the up gyro's bias, 60 degrees in 20 s at 3 deg/s. So the rotation
-//! that is sought is that of now: with every fix `(c, s)` turn by the `phi` about up since the
-//! last one, and `e` by what that changes in `c d + s d'`. While the heading is unknown this does
-//! nothing, any rotation being as likely as another; later it is linear over one interval of
-//! fixes instead of the whole search.
+//! The frame drifts about up with the up gyro's bias, 60 degrees in 20 s at 3 deg/s. So the rotation sought
+//! is the present one: with every fix `(c, s)` turn by the `phi` about up since the last one, and `e` by
+//! the change of `c d + s d'`. While the heading is unknown this does nothing, any rotation being as likely
+//! as another; later it is linear over one interval of fixes instead of the whole search.
 //!
-//! Nothing but `e` and `u` are felt by the unit, so an antenna that swings on an arm while the unit
-//! hardly moves is explained by no rotation and no arm, `(c, s) = b = 0`, as well as by the true ones,
-//! and better where the latency is off: its sine and cosine then leave the length 1 that they have.
-//! Where that is so while the unit felt little of what GNSS saw, all begin anew.
+//! An antenna that swings while the unit hardly moves (`u` near zero) is explained by `(c, s) = b = 0` as
+//! well as by the truth, and better with a wrong latency: then cosine and sine are shorter than 1. If so
+//! while INS motion is small against GNSS motion, all restart.
 //!
-//! `d` stands beside unknowns and is noisy. Noise there that is uncorrelated with `u` looks like
-//! proof that `c` and `s` are zero. Hence a steady `d` is held, what the noise proves is given
-//! back, and once the angle is known `d` is taken from the INS.
+//! `d` is a noisy regressor: noise in it that is uncorrelated with `u` biases `c` and `s` toward zero
+//! (errors in variables). Hence a steady `d` is held, the variance that the noise removes is given back,
+//! and once the angle is known `d` is taken from the INS.
 //!
-//! Mean velocities (of positions) are those of `u`, and of `e` half of the time ago.
+//! Mean velocities (of positions) are those of `u`, and of `e` at the middle of the interval.
 //!
-//! Accelerometer biases are not among the unknowns: at one attitude they are tilt. As the body
-//! turns, they turn against the level frame, and the tilt walks by as much.
+//! Accelerometer biases are no unknowns: at one attitude they are tilt. As the body turns, they turn
+//! against the level frame, which is noise of the tilt.
 
 use nalgebra::{Matrix2x3, Matrix3, SVector, UnitQuaternion, Vector2, Vector3};
 
@@ -61,65 +58,65 @@ const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 /// One number for each unknown.
 type Row = SVector<f32, COUNT>;
 
-/// Change of velocity below which the noise of GNSS itself would look like motion, sigmas of the
-/// difference of two: a vehicle that keeps its speed shows no heading, however long.
+/// Change of velocity that counts as motion, sigmas of the difference of two: at constant speed noise shows
+/// no heading, for however long.
 const STEADY_SIGMAS: f32 = 3.0;
 /// Residual beyond which a measurement counts less, sigmas.
 const OUTLIER_SIGMAS: f32 = 3.0;
-/// Largest spread of an angle at which cosine and sine are linear in it, rad.
+/// Largest sigma of the angle at which cosine and sine are linear in it, rad.
 const KNOWN_ANGLE_RAD: f64 = 0.35;
-/// Spread beyond which it is given up, and length below which cosine and sine show no angle.
+/// Sigma beyond which it is forgotten, and least length of cosine and sine that has an angle.
 const LOST_ANGLE_RAD: f64 = 0.6;
 const SEEN_LENGTH: f64 = 0.2;
-/// Spread of an angle of which nothing is known, rad: beyond any, and still a number, for not every
-/// format that a state is written down in has infinities.
+/// Sigma of an unknown angle, rad: above any, and finite, for not every format of a serialized state has
+/// infinities.
 const UNKNOWN_ANGLE_RAD: f32 = f32::MAX;
 /// Time without a change of velocity after which motion is steady, s.
 const STEADY_S: f32 = 5.0;
-/// Time after such a change in which it may go on below the noise, and time over which the mean
-/// is taken that keeps the noise out of what counts as motion, s.
+/// Time after such a change in which smaller ones are followed, and averaging time that keeps the noise out
+/// of the regressor, s.
 const HOLD_S: f32 = 2.0;
 const MEAN_S: f64 = 0.2;
-/// By how much receivers understate their noise, in variance.
+/// Ratio of the noise of receivers to what they state, in variance.
 const UNDERSTATED: f32 = 2.0;
-/// What the length of cosine and sine is off by the scale errors of both sensors.
+/// Error of the length of cosine and sine by the scale errors of both sensors.
 const LENGTH_ERROR: f64 = 0.05;
 /// Sigmas by which they are too short for any angle.
 const SHORT_SIGMAS: f64 = 3.0;
-/// Part of the motion below which the unit felt little of it.
+/// INS motion below this part of GNSS motion is small.
 const LEAST_POWER_SHARE: f32 = 0.5;
-/// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
+/// Random walk of the latency, s/sqrt(s): observations at a wrong latency are worth less.
 const LATENCY_WALK: f64 = 0.02;
-/// Spread of the gyro biases of units of which nothing is known yet, in those of the preset.
+/// Sigma of the gyro biases of an uncalibrated unit, over that of the preset.
 const UNKNOWN_UNIT: f64 = 3.0;
-/// Acceleration of a vehicle while the first mean velocity is taken, m/s^2.
+/// Acceleration of a vehicle during the first mean velocity, m/s^2.
 const FIRST_ACCEL_MPS2: f32 = 2.0;
 /// Time over which an acceleration keeps its direction in the body, s.
 const PUSH_S: f64 = 1.0;
-/// Time over which the acceleration is smoothed that shows the latency, s: what is faster (steps,
-/// vibration) repeats itself, and would show it a period off.
+/// Smoothing of the acceleration that is the partial by latency, s: faster motion (steps, vibration) is
+/// periodic, and would fit a period off.
 const SMOOTH_S: f64 = 0.3;
 /// Downward acceleration that no vehicle keeps up, m/s^2, and for how long, s.
 const FALLING_MPS2: f64 = 2.5;
 const FALLING_S: f64 = 3.0;
-/// Largest tilt found at once that is believed, rad.
+/// Largest correction of the tilt at once, rad.
 const LARGEST_TURN_RAD: f64 = 0.5;
 
-/// What the INS of a candidate starts from.
+/// Initial state of a candidate's INS.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Start {
     pub(crate) time: Time,
     pub(crate) attitude: UnitQuaternion<f64>,
     pub(crate) tilt_sigma_rad: f64,
-    /// Earth rotation about the level and the up axis, rad/s.
+    /// Earth rate about the level and the up axis, rad/s.
     pub(crate) earth_rate_radps: Vector2<f64>,
 }
 
-/// A level INS that points anywhere, with one latency supposed, and what it has seen.
+/// A level INS of arbitrary azimuth at one initial latency, and its filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Candidate {
-    /// Node and sighting that come next.
+    /// Next node and observation.
     pub(crate) node: u32,
     pub(crate) observation: u32,
     time: Time,
@@ -128,44 +125,44 @@ pub(crate) struct Candidate {
     pub(crate) latency_s: f32,
     /// Antenna from the sensors, body, m.
     lever_arm_m: Vector3<f32>,
-    /// What the first sighting saw, E and N, m/s; none before it.
+    /// Velocity of the first observation, E and N, m/s; none before it.
     first_mps: Option<Vector2<f32>>,
-    /// Velocity gained since the first sighting, way since the last, and velocity there.
+    /// Velocity gained since the first observation, displacement since the last, and velocity there.
     velocity_mps: Vector2<f32>,
     way_m: Vector2<f32>,
     /// Vertical velocity gained since the start, m/s.
     risen_mps: f32,
     velocity_before_mps: Vector2<f32>,
     level_before: Matrix2x3<f32>,
-    /// What of it the last sighting is compared with.
+    /// Velocity at the last observation.
     seen_mps: Vector2<f32>,
-    /// Gain of GNSS velocity that counts as motion, m/s.
+    /// Regressor `d`: gain of GNSS velocity that counts as motion, m/s.
     moved_mps: Vector2<f32>,
-    /// Sums of the squares of what the unit felt of the motion and of what GNSS saw of it, (m/s)^2.
+    /// Sums of the squares of INS and of GNSS motion, (m/s)^2.
     ins_power: f32,
     gnss_power: f32,
-    /// The last gain that differed by more than noise, and for how long none did.
+    /// The last gain that differed by more than noise, and time since then.
     mark_mps: Vector2<f32>,
     steady_s: f32,
     last_observation: Time,
-    /// Acceleration of the antenna, smoothed, and at the first sighting.
+    /// Acceleration of the antenna, smoothed, and at the first observation.
     accel_mps2: Vector2<f32>,
     first_accel_mps2: Vector2<f32>,
-    /// How the antenna swung in the last node, per unit of its arm, 1/s.
+    /// Velocity of the antenna in the last node, per unit of its arm, 1/s.
     swing_radps: Matrix2x3<f32>,
-    /// Spread of the angle of cosine and sine, rad.
+    /// Sigma of the angle of cosine and sine, rad.
     angle_sigma_rad: f32,
     /// Whether it was ever known.
     had_angle: bool,
     /// Cosine and sine.
     rotation: Vector2<f32>,
     covariance: Covariance<COUNT, PAIRS>,
-    /// Logarithm of the likelihood of all it has seen.
+    /// Log likelihood of the observations.
     pub(crate) log_likelihood: f32,
 }
 
 impl Candidate {
-    /// Starts with the spread of the latency that it is going to suppose.
+    /// Starts with this sigma of the latency, which is set afterwards.
     pub(crate) fn new(
         start: &Start,
         latency_sigma_s: f64,
@@ -228,13 +225,13 @@ impl Candidate {
         }
     }
 
-    /// Whether it has fallen, since a start, as no vehicle falls: up is elsewhere.
+    /// Whether it has fallen since the start as no vehicle does: its level is wrong.
     pub(crate) fn falls(&self, start: Time) -> bool {
         let seconds = self.time.seconds_since(start);
         seconds > FALLING_S && f64::from(self.risen_mps) < -FALLING_MPS2 * seconds
     }
 
-    /// Moment of the INS that a stamp shows, s after where it stands.
+    /// Time of the INS that a stamp refers to, s after its own.
     pub(crate) fn seconds_to(&self, stamp: Time) -> f64 {
         stamp.seconds_since(self.time) - f64::from(self.latency_s)
     }
@@ -278,7 +275,7 @@ impl Candidate {
         }
     }
 
-    /// What the sensors' noise and what turns with the body add.
+    /// Process noise of the sensors and of what turns with the body.
     fn add_noise(
         &mut self,
         seconds: f64,
@@ -303,9 +300,8 @@ impl Candidate {
             .widen(LATENCY, single(LATENCY_WALK * LATENCY_WALK * seconds));
     }
 
-    /// Compares with what GNSS saw; the moment lies in `node`, which comes next. `excess` is by how
-    /// much its noise proved larger, in variance. Returns the mean square of the two residuals
-    /// over what they should be.
+    /// Measurement update with an observation; its time is in `node`, the next one. `excess` is the ratio
+    /// of its noise to the stated one, in variance. Returns the mean normalized square of the residuals.
     #[inline(never)]
     pub(crate) fn compare(&mut self, observation: &Observation, excess: f32, node: &Node) -> f32 {
         self.observation += 1;
@@ -370,7 +366,7 @@ impl Candidate {
         misfit
     }
 
-    /// The motion at the moment of a sighting, from where the way of the next one counts.
+    /// Motion at the time of an observation, where the next displacement begins.
     fn moment(&mut self, observation: &Observation, node: &Node) -> Moment {
         let seconds = single(self.seconds_to(observation.time));
         let node_s = single(node.seconds());
@@ -394,8 +390,8 @@ impl Candidate {
         }
     }
 
-    /// Takes both residuals, of one variance of noise, part of it `spurious` by what stands beside
-    /// cosine and sine. Returns their mean square over what it should be.
+    /// Updates with both residuals, of equal noise, `spurious` the noise of the regressor. Returns their
+    /// mean normalized square.
     fn fuse_both(&mut self, rows: &[Row; 2], residual: [f32; 2], noise: f32, spurious: f32) -> f32 {
         let mut correction = Row::zeros();
         let mut misfit = 0.0;
@@ -415,9 +411,8 @@ impl Candidate {
         misfit
     }
 
-    /// What of the gain counts as motion. What the INS shows, turned by what is known of the
-    /// angle, has no noise; where GNSS contradicts it, or nothing is known, what GNSS saw counts
-    /// while that changes by more than can be noise. Returns the variance of the noise in it.
+    /// Updates the regressor: from the INS by the known angle, without noise; if GNSS contradicts that, or
+    /// without an angle, from GNSS while it changes by more than noise. Returns the variance of its noise.
     fn motion(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) -> f32 {
         let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
         self.steady_s += single(since_s);
@@ -437,8 +432,8 @@ impl Candidate {
         0.0
     }
 
-    /// Noise in what stands beside cosine and sine looks like so much knowledge that they are
-    /// zero: `P n^2 P / S` less variance a measurement. That is given back.
+    /// Noise of the regressor removes `P n^2 P / S` of variance per measurement too much, toward zero. That
+    /// is given back.
     fn restore_variance(&mut self, unknown: usize, before: f32, noise: f32) {
         let room = 0.5 - self.covariance.variance(unknown);
         let back = math::min(before * before * noise, room);
@@ -452,7 +447,7 @@ impl Candidate {
         f64::from(self.angle_sigma_rad) < KNOWN_ANGLE_RAD
     }
 
-    /// Whether what was known of the angle, if anything, is so vague that it is not linear.
+    /// Whether the angle is too uncertain to be linear.
     fn angle_is_lost(&self) -> bool {
         let limit = if self.had_angle {
             LOST_ANGLE_RAD
@@ -462,8 +457,7 @@ impl Candidate {
         f64::from(self.angle_sigma_rad) > limit
     }
 
-    /// Whether cosine and sine are shorter than those of any angle, while the unit felt little of what
-    /// GNSS saw.
+    /// Whether cosine and sine are too short for any angle, with little INS motion.
     pub(crate) fn is_degenerate(&self) -> bool {
         let short = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
         let [cos, sin] = [COS, SIN].map(|i| f64::from(self.covariance.variance(i)));
@@ -472,7 +466,7 @@ impl Candidate {
         hardly_moved && !self.knows_angle() && short > SHORT_SIGMAS * sigma
     }
 
-    /// Begins anew with the next sighting, but for what it has found of tilt, gyros and latency.
+    /// Restarts with the next observation, but keeps tilt, gyro biases and latency.
     pub(crate) fn restart_search(&mut self, known: &Parameters) {
         self.forget_angle();
         self.first_mps = None;
@@ -484,8 +478,8 @@ impl Candidate {
         self.log_likelihood = 0.0;
     }
 
-    /// Forgets a heading that is hardly known, in steady motion: beyond some angle the equations
-    /// are not linear, and a heading that is not known at all has an exact beginning.
+    /// Forgets an uncertain heading in steady motion: beyond some angle the equations are not linear, and
+    /// an unknown heading has an exact start.
     fn forget_angle(&mut self) {
         self.rotation = Vector2::zeros();
         self.angle_sigma_rad = UNKNOWN_ANGLE_RAD;
@@ -495,7 +489,7 @@ impl Candidate {
         }
     }
 
-    /// The first sighting: velocities count from here.
+    /// First observation: velocities count from here.
     fn begin(&mut self, first: &Observation, velocity: Vector2<f32>, swing: &Matrix2x3<f32>) {
         self.velocity_mps -= velocity;
         self.first_mps = Some(first.velocity_mps);
@@ -523,8 +517,8 @@ impl Candidate {
             .into()
     }
 
-    /// Takes one residual into covariance and correction; returns its square over the variance
-    /// it should have, and that.
+    /// Scalar measurement update of covariance and correction; returns the normalized square of the
+    /// residual, and its variance.
     fn fuse(&mut self, h: &Row, residual: f32, noise: f32, correction: &mut Row) -> (f32, f32) {
         let left = residual - h.dot(correction);
         let with = self.covariance.times(h);
@@ -536,7 +530,7 @@ impl Candidate {
         (ratio, expected)
     }
 
-    /// Cosine and sine are of one angle: once that is known, so is their length.
+    /// Length of cosine and sine as a measurement, once their angle is known.
     fn normalize(&mut self) {
         let (turn, grow) = self.directions();
         let angle = self.covariance.sigma_of(&turn);
@@ -560,9 +554,9 @@ impl Candidate {
         self.correct(&correction);
     }
 
-    /// Lets the frame of now be the one that is sought: `(c, s)` turn by what the frame has turned
-    /// since the last time, `e` by what that makes of the velocity. A turn of before the heading
-    /// shows is then forgotten: any rotation is as likely as another.
+    /// Refers the rotation to the present frame: `(c, s)` turn by the frame's turn since the last time, `e`
+    /// by the effect on the velocity. A turn before the heading is known is thus forgotten: any rotation is
+    /// as likely as another.
     fn rotate_reference(&mut self, moved: Vector2<f32>) {
         let turn = self.rotation;
         let (x, y) = (turn.dot(&moved), turn.dot(&rotated_right(moved)));
@@ -574,7 +568,7 @@ impl Candidate {
         p.reset(TILT + 2, 0.0);
     }
 
-    /// What the angle of cosine and sine, with the turn since, and their length hang on.
+    /// Partials of the angle of cosine and sine, with the turn since, and of their length.
     fn directions(&self) -> (Row, Row) {
         let rotation = self.rotation.map(f64::from);
         let square = math::max(rotation.norm_squared(), 1e-6);
@@ -593,7 +587,7 @@ impl Candidate {
         (turn, grow)
     }
 
-    /// Puts what was found into the INS.
+    /// Corrects the INS.
     fn correct(&mut self, found: &Row) {
         let at = |i: usize| found.get(i).copied().unwrap_or(0.0);
         let wide = |i: usize| f64::from(at(i));
@@ -614,7 +608,7 @@ impl Candidate {
         self.lever_arm_m += Vector3::new(at(ARM), at(ARM + 1), at(ARM + 2));
     }
 
-    /// What it has found so far.
+    /// Estimates so far.
     pub(crate) fn found(&self) -> Found {
         let rotation = self.rotation.map(f64::from);
         let length = math::sqrt(rotation.norm_squared());
@@ -633,12 +627,12 @@ impl Candidate {
         }
     }
 
-    /// Where it stands, body to the frame that points anywhere.
+    /// Body to its level frame of arbitrary azimuth.
     pub(crate) fn attitude(&self) -> &UnitQuaternion<f64> {
         &self.attitude
     }
 
-    /// Velocity gained since the last sighting, turned to east and north, m/s.
+    /// Velocity gained since the last observation, turned to east and north, m/s.
     pub(crate) fn gained_en_mps(&self) -> Vector2<f64> {
         let u = (self.velocity_mps - self.seen_mps).map(f64::from);
         let turn = self.rotation.map(f64::from);
@@ -648,17 +642,17 @@ impl Candidate {
     }
 }
 
-/// A squared residual, in sigmas, that cannot say more than an outlier does.
+/// Bounds a normalized square.
 fn limited(ratio: f32) -> f32 {
     math::min(ratio, OUTLIER_SIGMAS * OUTLIER_SIGMAS)
 }
 
-/// What stands beside the sine for the second component.
+/// Regressor of the sine, for the second component.
 fn rotated_right(d: Vector2<f32>) -> Vector2<f32> {
     Vector2::new(d.y, -d.x)
 }
 
-/// Spread of a gyro bias, rad/s. The preset says what is usual of units, not what one may be.
+/// Sigma of a gyro bias, rad/s. The preset has the usual one, not the possible.
 fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
     let sigma = known.sigma(index::GYRO + axis);
     let preset = single(config.sensors.gyro_bias_radps);
@@ -669,7 +663,7 @@ fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
     }
 }
 
-/// Largest spread of a gyro bias, rad/s.
+/// Largest sigma of a gyro bias, rad/s.
 #[inline(never)]
 pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
     (0..3).fold(0.0, |widest, axis| {
@@ -677,13 +671,13 @@ pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
     })
 }
 
-/// The motion at the moment of a sighting, in the frame that points anywhere.
+/// Motion at the time of an observation, in the level frame of arbitrary azimuth.
 struct Moment {
-    /// After where the INS stands, s.
+    /// After the time of the INS, s.
     seconds: f32,
     force_mps2: Vector3<f32>,
     velocity_mps: Vector2<f32>,
-    /// Since the last sighting, m.
+    /// Since the last observation, m.
     way_m: Vector2<f32>,
     level: Matrix2x3<f32>,
     swing_radps: Matrix2x3<f32>,
@@ -692,7 +686,7 @@ struct Moment {
 }
 
 impl Moment {
-    /// The mean over the time since the last sighting, at which velocity and attitude were these.
+    /// Mean since the last observation, with velocity and attitude there.
     fn mean(&self, span_s: f32, velocity_mps: Vector2<f32>, level: &Matrix2x3<f32>) -> Predicted {
         Predicted {
             velocity_mps: self.way_m / span_s,
@@ -703,22 +697,22 @@ impl Moment {
     }
 }
 
-/// What of the motion a sighting is compared with.
+/// Predicted motion for an observation.
 struct Predicted {
     velocity_mps: Vector2<f32>,
     accel_mps2: Vector2<f32>,
-    /// How long after where the INS stands, s.
+    /// Time after that of the INS, s.
     back_s: f32,
     swing_radps: Matrix2x3<f32>,
 }
 
-/// What a candidate has found.
+/// Estimates of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Found {
     /// Rotation from its frame to the true one, counter-clockwise, rad.
     pub(crate) rotation_rad: f64,
     pub(crate) rotation_sigma_rad: f64,
-    /// Length of cosine and sine, 1 if the two motions are one.
+    /// Length of cosine and sine, 1 if the motions agree.
     pub(crate) length: f64,
     pub(crate) length_sigma: f64,
     pub(crate) tilt_sigma_rad: f64,
@@ -728,17 +722,17 @@ pub(crate) struct Found {
     pub(crate) gyro_sigma_radps: Vector3<f64>,
 }
 
-/// How an antenna swings, east and north, per unit of its arm, 1/s.
+/// Velocity of an antenna, east and north, per unit of its arm, 1/s.
 fn swing_of(to_level: &Matrix3<f64>, rate_radps: &Vector3<f64>) -> Matrix2x3<f32> {
     level_rows(&(to_level * rate_radps.cross_matrix()))
 }
 
-/// East and north of what turns a vector of the body to the level.
+/// East and north rows of the attitude.
 fn level_rows(to_level: &Matrix3<f64>) -> Matrix2x3<f32> {
     to_level.fixed_rows::<2>(0).map(single)
 }
 
-/// How a component of `u` hangs on the unknowns, `back_s` after the INS's moment.
+/// Partials of a component of `u`, `back_s` after the INS's time.
 fn row(
     axis: usize,
     moved: Vector2<f32>,

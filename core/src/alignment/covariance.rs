@@ -1,4 +1,4 @@
-//! The covariance of a few unknowns, as its lower triangle, row by row.
+//! Covariance of a few unknowns, as its lower triangle, row by row.
 
 use nalgebra::SVector;
 
@@ -42,7 +42,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         }
     }
 
-    /// Unknown `i` is drawn anew, independent of all others.
+    /// Replaces unknown `i` by an independent one.
     pub(crate) fn reset(&mut self, i: usize, variance: f32) {
         for k in 0..N {
             if let Some(both) = self.lower.get_mut(index_of(i, k)) {
@@ -52,7 +52,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         self.widen(i, variance);
     }
 
-    /// Unknown `i` becomes `x_i + factor x_j`.
+    /// `x_i += factor x_j`.
     pub(crate) fn shear(&mut self, i: usize, j: usize, factor: f32) {
         let own = 2.0 * factor * self.get(i, j) + factor * factor * self.get(j, j);
         for k in (0..N).filter(|k| *k != i) {
@@ -64,7 +64,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         self.widen(i, own);
     }
 
-    /// Covariance of all unknowns with the sum `h . x`.
+    /// `P h`.
     pub(crate) fn times(&self, h: &SVector<f32, N>) -> SVector<f32, N> {
         let mut product = SVector::<f32, N>::zeros();
         let mut rest = self.lower.as_slice();
@@ -86,8 +86,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         product
     }
 
-    /// Takes in a measurement of the sum that all unknowns are covariant with as `product`, of
-    /// innovation variance `variance`.
+    /// Scalar measurement update, given `P h` and the innovation variance.
     pub(crate) fn update(&mut self, product: &SVector<f32, N>, variance: f32) {
         let mut rest = self.lower.as_mut_slice();
         for (i, with_i) in product.iter().enumerate() {
@@ -95,7 +94,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
                 break;
             };
             let gain = with_i / variance;
-            // What rounding would make negative stays a millionth of what it was.
+            // Rounding must not make it negative.
             let least = 1e-6 * row.last().copied().unwrap_or(0.0);
             for (p, with_j) in row.iter_mut().zip(product) {
                 *p -= gain * with_j;
@@ -113,7 +112,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
     }
 }
 
-/// Where the covariance of two unknowns stands.
+/// Index of the covariance of two unknowns.
 fn index_of(i: usize, j: usize) -> usize {
     let (low, high) = if i < j { (i, j) } else { (j, i) };
     high * (high + 1) / 2 + low

@@ -1,4 +1,4 @@
-//! Levelling and gyrocompassing: attitude from what the sensors read at rest.
+//! Levelling and gyrocompassing: attitude from the sensors at rest.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -8,12 +8,12 @@ use crate::config::SensorConfig;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, LocalEarth};
 use crate::math;
 
-/// Turn about up of a vehicle that passes for rest, rad/s: a third of a degree per second. Nothing
-/// shows it: a boat at anchor swings as smoothly as a gyro bias.
+/// Turn about up of a vehicle that passes for rest, rad/s: a third of a degree per second. Nothing shows
+/// it: a boat at anchor swings as smoothly as a gyro bias.
 pub(crate) const UNSEEN_RADPS: f64 = 6e-3;
-/// Rest whose blocks tell noise from waves, s.
+/// Rest after which the scatter of blocks separates noise from waves, s.
 const LEAST_SCATTER_S: f64 = 4.0;
-/// A block further off the mean than so many sigmas has another bias, or another motion.
+/// Gate of a block against the mean, sigmas: beyond, the bias or the motion has changed.
 const AGREES_SIGMAS: f64 = 6.0;
 
 /// Means over all blocks at rest so far, body axes.
@@ -40,7 +40,7 @@ impl RestMean {
         self.force_mps2 += part * (block.force_mps2 - self.force_mps2);
     }
 
-    /// Whether the rate of a block may be the one so far: a bias that has moved is not.
+    /// Whether the rate of a block agrees with the mean so far.
     pub fn agrees(&self, block: &RestBlock, sensors: &SensorConfig) -> bool {
         let noise = rest::gyro_variance(sensors, block.seconds);
         let variance = self.gyro_variance(sensors);
@@ -53,12 +53,12 @@ impl RestMean {
                 .all(|(off, variance)| off * off <= limit * (variance + noise))
     }
 
-    /// Variance of the mean rate as a gyro bias, per axis, `(rad/s)^2`: noise or what the blocks
-    /// scatter by (waves), and a slow turn about the up axis, wherever that is in the body.
+    /// Variance of the mean rate as a gyro bias, per axis, `(rad/s)^2`: noise or the scatter of the blocks
+    /// (waves), and a slow turn about the up axis, wherever that is in the body.
     pub(crate) fn gyro_variance(&self, sensors: &SensorConfig) -> Vector3<f64> {
         let noise = rest::gyro_variance(sensors, self.seconds);
         let unseen = UNSEEN_RADPS * UNSEEN_RADPS;
-        // Of a few blocks the scatter says nothing; a wave may then be all that was read.
+        // Few blocks have no scatter; their mean may be that of a wave.
         if self.seconds < LEAST_SCATTER_S {
             return Vector3::repeat(noise + unseen);
         }
@@ -70,7 +70,7 @@ impl RestMean {
     }
 }
 
-/// Roll and pitch that make a mean specific force point up, with a given heading.
+/// Roll and pitch of a mean specific force, with a given heading.
 pub fn level(force: &Vector3<f64>, heading_rad: f64) -> UnitQuaternion<f64> {
     // C^T (0, 0, g) = g (-cos p sin r, sin p, cos p cos r).
     let across = math::sqrt(force.x * force.x + force.z * force.z);
@@ -81,23 +81,21 @@ pub fn level(force: &Vector3<f64>, heading_rad: f64) -> UnitQuaternion<f64> {
     })
 }
 
-/// Heading from the Earth rate that a levelled platform at rest senses, rad; `level_attitude`
-/// has heading zero.
+/// Heading by the Earth rate of a levelled platform at rest, rad; `level_attitude` has heading zero.
 pub fn gyrocompass(level_attitude: &Matrix3<f64>, rate_radps: &Vector3<f64>) -> f64 {
-    // With heading H the level axes see (-sin H, cos H) of the horizontal Earth rate.
+    // With heading H the level axes sense (-sin H, cos H) of the horizontal Earth rate.
     let rate = level_attitude * rate_radps;
     math::atan2(-rate.x, rate.y)
 }
 
-/// Standard deviation of a gyrocompassed heading, rad, after `seconds` at rest: that of the gyro's bias, and that
-/// of its noise.
+/// Standard deviation of a gyrocompassed heading, rad, after `seconds` at rest: by gyro bias and noise.
 pub fn gyrocompass_sigma(sensors: &SensorConfig, earth: &LocalEarth, seconds: f64) -> f64 {
     let by_bias = sensors.gyro_bias_radps / earth.earth_rate().y;
     let by_noise = gyrocompass_noise(sensors, earth, seconds);
     math::sqrt(by_bias * by_bias + by_noise * by_noise)
 }
 
-/// The latter alone, rad.
+/// By noise alone, rad.
 pub fn gyrocompass_noise(sensors: &SensorConfig, earth: &LocalEarth, seconds: f64) -> f64 {
     sensors.mean_gyro_noise() / (math::sqrt(seconds) * earth.earth_rate().y)
 }

@@ -1,9 +1,8 @@
-//! Alignment: roll and pitch from rest or from a mean in motion, heading from the gyros or from
-//! motion.
+//! Alignment: roll and pitch at rest or from a mean in motion, heading by gyrocompassing or from motion.
 //!
-//! Levelling ends with a heading that is given or gyrocompassed, or else with an INS that is
-//! level but points anywhere: a bank of such, each with another latency of GNSS supposed, runs
-//! behind the sensors until motion shows where it points.
+//! Levelling ends with a heading that is given or gyrocompassed, or else starts a search: a bank of level
+//! INS of arbitrary azimuth, each with another initial latency of GNSS, runs behind the sensors until
+//! motion shows the heading.
 
 mod bank;
 mod candidate;
@@ -36,94 +35,93 @@ use crate::samples::{GnssFix, Heading};
 use crate::solution::Phase;
 use crate::time::Time;
 
-/// Rest wanted for levelling, and for gyrocompassing, s.
+/// Duration of rest for levelling, and for gyrocompassing, s.
 const LEVEL_S: f64 = 8.0;
 const GYROCOMPASS_S: f64 = 60.0;
-/// Rest that is enough if motion ends it, s.
+/// Least duration of rest if motion ends it, s.
 const LEAST_REST_S: f64 = 2.0;
 /// Longest wait for rest beside the rest itself, s; shorter when GNSS shows motion.
 const WAIT_S: f64 = 20.0;
 const WAIT_MOVING_S: f64 = 3.0;
 /// Speed that shows motion beyond doubt, m/s.
 pub(crate) const MOVING_MPS: f64 = 1.0;
-/// Tilt of a level in motion that the search for the heading can start from, rad: beyond it the
-/// equations are not linear.
+/// Largest tilt sigma of a level in motion to start the search with, rad: beyond, it is not linear.
 const COARSE_TILT_RAD: f64 = 0.15;
-/// How many times better a latency must be known than the search finds it, to stand against it.
+/// Ratio of sigmas by which a known latency stands against that of the search.
 const KNOWN_BETTER: f64 = 4.0;
-/// Tilt that levelling at rest leaves beside that of the accelerometers, rad.
+/// Tilt sigma of levelling at rest beside that of the accelerometers, rad.
 const LEVEL_SIGMA_RAD: f64 = 0.005;
-/// Tilt after a hole or with the level of a search that failed, rad.
+/// Tilt sigma after a gap or with the level of a search that failed, rad.
 const RESUMED_TILT_RAD: f64 = 0.1;
-/// Largest spread of a heading that is good enough to navigate on, rad.
+/// Largest sigma of a heading to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
-/// Time for which a fix tells rest from an even turn, s.
+/// Time for which a fix separates rest from an even turn, s.
 const RECENT_FIX_S: f64 = 3.0;
-/// Pieces of work a second on nodes, sightings and answers: twice as many as arise.
+/// Steps of work a second on nodes, observations and answers: twice as many as arise.
 const WORK_PER_S: f64 = 120.0;
-/// Age at which a measured heading comes too late while aligning, s; longest time between two that follow each
-/// other, once a second or more often; and age at which the last counts no more, for the next is late, too.
+/// Largest delay of a measured heading while aligning, s; longest interval of regular ones; and age at
+/// which the last expires, since the next is late, too.
 const HEADING_DELAY_S: f64 = 1.0;
 const HEADING_INTERVAL_S: f64 = 1.5;
 const HEADING_OLD_S: f64 = HEADING_DELAY_S + 1.0;
-/// Least spread of one that old, rad.
+/// Least sigma of one that old, rad.
 const LEAST_HEADING_SIGMA_RAD: f64 = 0.01;
-/// Oldest fix whose position is carried on to the start of navigation, s.
+/// Age of a fix up to which its position is extrapolated to the start of navigation, s.
 const OLDEST_FIX_S: f64 = 5.0;
 
-/// Roll and pitch found with a spread, rad, and the heading with its spread, if it is known too.
+/// Roll and pitch with their sigma, and, if known, the heading with its own, rad.
 struct Levelled {
     level: Level,
     heading: Option<(f64, f64)>,
     source: AttitudeSource,
 }
 
-/// What has told the attitude: whose biases are in it.
+/// Source of the attitude: which sensor biases are correlated with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum AttitudeSource {
     /// Motion: none.
     Motion,
-    /// The accelerometers have told roll and pitch.
+    /// Roll and pitch by the accelerometers.
     Level,
-    /// And the gyros the heading: what is known of the azimuth is without them.
+    /// And heading by the gyros: the azimuth's sigma is without their biases.
     Gyrocompass,
 }
 
-/// The INS to start from.
+/// Initial INS for navigation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Aligned {
     /// Level, with a heading.
     pub ins: Mechanization,
-    /// Spread of roll and pitch, rad; that of the azimuth is in [`Alignment::known`].
+    /// Sigma of roll and pitch, rad; that of the azimuth is in [`Alignment::known`].
     pub tilt_sigma_rad: f64,
     pub source: AttitudeSource,
-    /// Variance of a climb that nothing has told, (m/s)^2; else zero.
+    /// Variance of an unmeasured climb, (m/s)^2; else zero.
     pub climb_variance: f64,
-    /// Variance of the place beyond that of a first fix, m^2.
+    /// Variance of the position beyond that of a first fix, m^2.
     pub position_variance: f64,
 }
 
 impl Aligned {
-    /// Specific force that a body at rest in this attitude feels, m/s^2.
+    /// Specific force at rest in this attitude, body, m/s^2.
     pub fn level_force_mps2(&self) -> Vector3<f64> {
         let up = matrix(&self.ins.attitude).row(2).transpose();
         self.ins.local_earth().gravity_mps2 * up
     }
 }
 
-/// The search for the heading going on.
+/// The search for the heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Search {
     nodes: Nodes,
     bank: Bank,
-    /// The candidate that has found it, which is brought to the present.
+    /// The candidate that has found it, while it catches up with the sensors.
     found: Option<u8>,
 }
 
-/// How far it has come. All live in place: there is nowhere else.
+/// All live in place: there is nowhere else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[allow(clippy::large_enum_variant)]
@@ -135,27 +133,27 @@ enum Stage {
     Aligned(Aligned),
 }
 
-/// Alignment going on.
+/// State of the alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Alignment {
     start: Time,
-    /// Whether it is the first: a given heading is that of the beginning.
+    /// Whether it is the first: a given heading is that of the start.
     first: bool,
-    /// Whether measured headings have misled the INS before it.
+    /// Whether the INS before diverged with headings that agreed with it.
     bad_headings: bool,
     known: Parameters,
-    /// Of when that is.
+    /// Time of that.
     known_at: Option<Time>,
     detector: RestDetector,
     rest: RestMean,
-    /// Last velocity known, ENU, whether its climb is, and last place, of which the height may be known
-    /// first, and of which time its position.
+    /// Last velocity, ENU, whether its climb is measured, last position and height, and time of the
+    /// position.
     velocity_mps: Vector3<f64>,
     climb_known: bool,
     place: Geodetic,
     placed: Option<Time>,
-    /// Variance of position and height that fixes have not told anew since an INS was lost, m^2.
+    /// Variance of position and height since an INS diverged, until fixes measure them again, m^2.
     stale_variance: [f64; 2],
     observations: Observations,
     measured: Option<Heading>,
@@ -163,7 +161,7 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Begins with levelling; what is known of the sensors may be that of some time before.
+    /// Starts with levelling; the known parameters may be of an earlier time.
     #[expect(
         clippy::inline_always,
         reason = "made where it stays: otherwise it is copied over the stack"
@@ -189,8 +187,8 @@ impl Alignment {
         }
     }
 
-    /// It follows on an INS that measured headings have misled, or not, with these variances of position and
-    /// height; roll and pitch of one that has only been lost are kept as a start.
+    /// Follows on a diverged INS: whether measured headings agreed with it, the variances of its position
+    /// and height, and, if only its level is still good, its attitude as a start.
     pub fn begin_again(
         &mut self,
         bad_headings: bool,
@@ -215,12 +213,12 @@ impl Alignment {
         }
     }
 
-    /// What is known of the sensors.
+    /// Parameters as known.
     pub fn known(&self) -> &Parameters {
         &self.known
     }
 
-    /// Begins at `time`, before which inertial samples are missing or have not been yet.
+    /// Starts at `time`, before which inertial samples are missing.
     pub fn begin_at(&mut self, time: Time) {
         let level = match &self.stage {
             Stage::Begin(level) => Some(*level),
@@ -233,13 +231,12 @@ impl Alignment {
         }
     }
 
-    /// Nobody has seen what it did until `time`: a heading that was given is that of the beginning still
-    /// where it has stood.
+    /// Unobserved until `time`: a given heading still holds if the vehicle stood.
     pub fn on_outage(&mut self, time: Time) {
         self.first &= self.moved_s(time) <= 0.0;
     }
 
-    /// Begins again with levelling; what is known stays.
+    /// Restarts levelling; the parameters stay.
     #[inline(never)]
     pub fn restart(&mut self, time: Time) {
         self.start = time;
@@ -250,12 +247,12 @@ impl Alignment {
         self.stage = Stage::Levelling(CoarseLevel::default());
     }
 
-    /// Variance of position and height that no fix has told since an INS was lost, m^2.
+    /// Variance of position and height since an INS diverged, until fixes measure them again, m^2.
     pub fn stale_variance(&self) -> &[f64; 2] {
         &self.stale_variance
     }
 
-    /// The INS to start from, once it is aligned.
+    /// The INS to start from, once aligned.
     pub fn aligned(&self) -> Option<&Aligned> {
         match &self.stage {
             Stage::Aligned(aligned) => Some(aligned),
@@ -285,7 +282,7 @@ impl Alignment {
         }
     }
 
-    /// Takes a fix: of what it does not have, the last one stays.
+    /// Takes a fix; what it does not have stays as it was.
     #[inline(never)]
     pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) {
         let last = &self.velocity_mps;
@@ -366,9 +363,9 @@ impl Alignment {
         GnssOutcome::Accepted
     }
 
-    /// The heading known at the end of levelling beyond that of the level, with its spread: a measured one,
-    /// turned on as the vehicle has turned of late, or the given one, which is that of the beginning, turned
-    /// on by what is not in the level.
+    /// Heading at the end of levelling relative to that of the level, with its sigma: a measured one,
+    /// extrapolated by the present rate, or the given one of the start, with the turn since that is not in
+    /// the level.
     #[inline(never)]
     fn heading(
         &self,
@@ -381,7 +378,7 @@ impl Alignment {
         let recent =
             |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= HEADING_OLD_S;
         if let Some(measured) = self.measured.filter(recent) {
-            // By half as much or by half as much again, where a turn begins or ends.
+            // Half as much or half as much again, where a turn begins or ends.
             let since_rad = turning_radps * time.seconds_since(measured.time);
             let spread = 0.25 * since_rad * since_rad + measured.sigma_rad * measured.sigma_rad;
             let sigma_rad = math::max(math::sqrt(spread), LEAST_HEADING_SIGMA_RAD);
@@ -397,7 +394,7 @@ impl Alignment {
         }
     }
 
-    /// Time of levelling in which it has not stood, s; zero if that is no more than rest takes to be told.
+    /// Duration of levelling in motion, s; zero if within the detection time of rest.
     #[inline(never)]
     fn moved_s(&self, time: Time) -> f64 {
         let seconds = time.seconds_since(self.start) - self.rest.seconds;
@@ -408,7 +405,7 @@ impl Alignment {
         }
     }
 
-    /// What is known of the sensors becomes that of now: biases have walked, and clocks gone apart.
+    /// Process noise of the parameters up to now: bias walks, clock drift.
     #[inline(never)]
     fn age_parameters(&mut self, time: Time, config: &Config) {
         let last = self.known_at.replace(time).unwrap_or(time);
@@ -431,7 +428,7 @@ impl Alignment {
         }
     }
 
-    /// The interval less the sensor errors that are known.
+    /// The interval, compensated by the known parameters.
     pub fn compensated(&self, interval: &Interval) -> Interval {
         interval.without_bias(
             &self.known.vector(index::GYRO),
@@ -457,7 +454,7 @@ impl Alignment {
         }
     }
 
-    /// Levels once there was rest enough, or waiting for it is in vain.
+    /// Levels after enough rest, or when waiting for it is in vain.
     #[inline(never)]
     fn level(&mut self, time: Time, verdict: &Verdict, config: &Config) -> Option<Levelled> {
         if let Verdict::Rest(block) = verdict {
@@ -465,7 +462,7 @@ impl Alignment {
         }
         let moving = verdict.moves();
         let Some(earth) = self.earth() else {
-            // Rest from before a way that nothing has seen tells no attitude after it.
+            // Rest before unobserved motion says nothing of the attitude after it.
             if moving {
                 self.rest = RestMean::default();
             }
@@ -481,7 +478,7 @@ impl Alignment {
         self.level_in_motion(time, verdict, config)
     }
 
-    /// A mean in motion that is good enough, or as good as it will be.
+    /// Level by a mean in motion that is good enough, or as good as it gets.
     fn level_in_motion(&self, time: Time, verdict: &Verdict, config: &Config) -> Option<Levelled> {
         let waited = time.seconds_since(self.start);
         let speed = self.observations.speed_mps();
@@ -504,8 +501,8 @@ impl Alignment {
         })
     }
 
-    /// Takes a block of rest; where the gyros have moved, what was known of them is forgotten. An even
-    /// turn looks like that: only GNSS tells it from rest. Whether it was taken.
+    /// Takes a block of rest; if the gyro biases have changed, the known ones are dropped. An even turn
+    /// looks alike: only GNSS separates it from rest. Whether it was taken.
     fn rest_on(&mut self, time: Time, block: &RestBlock, config: &Config) -> bool {
         let agrees = self.rest.agrees(block, &config.sensors);
         let off = math::largest(&(block.rate_radps - self.known.vector(index::GYRO)));
@@ -534,7 +531,7 @@ impl Alignment {
         let level_attitude = levelling::level(&force_mps2, 0.0);
         let attitude = matrix(&level_attitude);
         self.learn_gyros(&rest, &attitude, earth, config);
-        // What it had turned before it stood, less what the bias did that rest has shown.
+        // Turn before it stood, less the drift by the bias that rest has shown.
         let moved_s = self.moved_s(time);
         let turned_rad = match &self.stage {
             Stage::Levelling(coarse) if moved_s > 0.0 => {
@@ -569,7 +566,7 @@ impl Alignment {
         }
     }
 
-    /// The Earth at the last place, once there is one.
+    /// The Earth at the last position, once there is one.
     fn earth(&self) -> Option<LocalEarth> {
         let Geodetic {
             latitude_rad,
@@ -579,7 +576,7 @@ impl Alignment {
         self.placed.map(|_| LocalEarth::at(latitude_rad, height_m))
     }
 
-    /// Ends levelling: with a heading, or else by looking for one.
+    /// Ends levelling: with a heading, or with the search for one.
     fn end_levelling(&mut self, time: Time, levelled: &Levelled, config: &Config) {
         let level = &levelled.level;
         let Some((heading_rad, sigma_rad)) = levelled.heading else {
@@ -598,7 +595,7 @@ impl Alignment {
         });
     }
 
-    /// Variance of the climb of a vehicle in motion that nothing has told.
+    /// Variance of the unmeasured climb of a vehicle in motion.
     fn climb_variance(&self, config: &Config) -> f64 {
         if self.climb_known || self.rest.seconds >= LEAST_REST_S {
             return 0.0;
@@ -606,13 +603,13 @@ impl Alignment {
         config.climb_sigma_mps * config.climb_sigma_mps
     }
 
-    /// Begins to look for the heading.
+    /// Starts the search for the heading.
     fn find(&mut self, time: Time, level: &Level, config: &Config) {
         let Some(earth) = self.earth() else {
             return;
         };
         let rate = earth.earth_rate();
-        // The search knows of no accelerometer biases.
+        // The search has no accelerometer biases.
         let leant = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
         let start = Start {
             time,
@@ -632,7 +629,7 @@ impl Alignment {
         });
     }
 
-    /// A vehicle that has not moved yet is levelled again and again.
+    /// Levels a vehicle again as long as it has not moved.
     #[inline(never)]
     fn relevel(&mut self, time: Time, verdict: Verdict, config: &Config) {
         let Stage::Searching(Search {
@@ -658,8 +655,8 @@ impl Alignment {
         }
     }
 
-    /// What gyros read at rest beyond the Earth rate is bias; the level Earth rate is unknown
-    /// until heading is. The mean grows with the rest, so it replaces what was known less well.
+    /// Gyro biases by the rate at rest beyond Earth rate; its level part is unknown without a heading. The
+    /// mean improves with the rest, and replaces what was known less well.
     fn learn_gyros(
         &mut self,
         rest: &RestMean,
@@ -678,7 +675,7 @@ impl Alignment {
         }
     }
 
-    /// The search takes an interval: works off nodes and sightings, as many as its time brings.
+    /// The search takes an interval, and works off nodes and observations in proportion to its duration.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     #[inline(never)]
     fn find_on(&mut self, time: Time, interval: &Interval, config: &Config) {
@@ -729,7 +726,7 @@ impl Alignment {
         self.known
             .set(index::AZIMUTH, 0.0, mixture.rotation_sigma_rad);
         let (latency_s, sigma_s) = (mixture.latency_s, mixture.latency_sigma_s);
-        // What was known much better the search has not asked for.
+        // The search did not use a much better known latency.
         let known_s = self.known.sigma(index::LATENCY);
         let stands = self
             .known
@@ -781,13 +778,13 @@ impl Alignment {
     }
 }
 
-/// By how much what a fix states is worse than its receiver usually is, in variance.
+/// Stated variance beyond the usual one.
 fn beyond(stated: Option<f64>, usual: &Noise) -> f64 {
     let stated = stated.unwrap_or(0.0);
     math::max(stated * stated - usual.variance(), 0.0)
 }
 
-/// The level to begin from with an attitude of before.
+/// Level of an earlier attitude.
 fn resumed(attitude: UnitQuaternion<f64>) -> Level {
     Level {
         attitude,

@@ -1,7 +1,7 @@
-//! The inertial past: motion over tenths of a second, kept until the fixes of that time have come.
+//! Preintegrated inertial data: nodes of tenths of a second, kept until the fixes of their time have come.
 //!
-//! A fix arrives up to a second after its stamp and shows the motion of up to a second before or
-//! after it, so whoever compares the two runs some seconds behind the sensors.
+//! A fix arrives up to a second after its stamp and shows the motion of up to a second before or after it,
+//! so the search runs some seconds behind the sensors.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -9,15 +9,15 @@ use crate::attitude::{matrix, renormalized, small_rotation};
 use crate::increments::Interval;
 use crate::math::{self, single};
 
-/// Length of a node, s: darts of a small quadrotor last half a second.
+/// Length of a node, s: manoeuvres of a small quadrotor last half a second.
 const NODE_S: f64 = 0.1;
 /// Nodes kept.
 const KEPT: u32 = 32;
-/// Nodes that may wait for fixes; the rest is room for work that is spread over calls. Enough for
-/// a fix a second that comes a second late and shows what was most of a second ago.
+/// Nodes that may wait for fixes; the rest is room for work that is spread over calls. Enough for one fix a
+/// second that comes a second late and shows the motion of most of a second before.
 const WAIT: u32 = 28;
 
-/// Motion over a node, in the body axes of its start, as the sensors read it.
+/// Motion over a node, in the body axes of its start, uncompensated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Node {
@@ -34,8 +34,8 @@ impl Node {
         1e-6 * f64::from(self.micros)
     }
 
-    /// Rotation and velocity gained less what a constant gyro bias adds. Within the node it turned the
-    /// axes of the force by half of its angle.
+    /// Rotation and velocity gained, compensated for a constant gyro bias, which turns the axes of the
+    /// force by half of its angle on average.
     pub(crate) fn without_bias(&self, gyro_radps: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let seconds = self.seconds();
         let velocity = self.velocity_mps.map(f64::from);
@@ -47,7 +47,7 @@ impl Node {
     }
 }
 
-/// The last nodes, numbered from the first one ever, and the one being gathered.
+/// The last nodes, numbered from the first one, and the present one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Nodes {
@@ -86,7 +86,7 @@ impl Nodes {
         true
     }
 
-    /// The end of a node to the microsecond; what is cut off belongs to the next.
+    /// Ends a node at a microsecond; the rest belongs to the next.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn close(&mut self) {
         let micros = math::round(self.seconds * 1e6) as u32;

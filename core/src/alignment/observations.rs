@@ -1,8 +1,7 @@
-//! What fixes say of the motion: velocities, or mean velocities between positions.
+//! Velocity observations for the alignment: of fixes, or mean velocities between positions.
 //!
-//! Receivers give up to 25 fixes a second, whose errors hardly change within a second: a few of
-//! them say all. A receiver without velocity is read by the way between two positions a second
-//! apart: what stands still in its position errors then does not matter.
+//! Receivers give up to 25 fixes a second, whose errors hardly change within a second: a few of them are
+//! enough. Positions are differenced over a second, which removes their slow errors.
 
 use nalgebra::Vector2;
 
@@ -12,35 +11,34 @@ use crate::math;
 use crate::samples::GnssFix;
 use crate::time::Time;
 
-/// Least time between two velocities, s.
+/// Least interval of velocities, s.
 const SPACING_S: f64 = 0.19;
-/// Least time between two positions whose difference is a velocity, s.
+/// Least time between two positions that are differenced, s.
 const SPAN_S: f64 = 0.95;
-/// Longest: what happened between is lost in the mean.
+/// Longest: the mean hides what happened within.
 const LONGEST_SPAN_S: f64 = 5.0;
-/// Time over which a receiver's errors are taken to stay the same, s.
+/// Correlation time of a receiver's errors, s.
 const SHARED_S: f64 = 2.0;
-/// Change of a position error within a second, m: what receivers smooth leaves decimetres, a
-/// metre where they do not.
+/// Change of a position error within a second, m: decimetres of smoothed positions, a metre of others.
 const WANDER_M: f64 = 0.7;
 /// Speed that shows motion, sigmas.
 const MOTION_SIGMAS: f32 = 4.0;
-/// Sightings that wait.
+/// Observations kept.
 const KEPT: u32 = 16;
 
-/// A velocity of the vehicle, or its mean over some time.
+/// Velocity of the vehicle, or its mean over some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Observation {
     /// Stamp; of a mean, of its end.
     pub(crate) time: Time,
-    /// Time it is the mean over, s; zero if none.
+    /// Duration of the mean, s; zero if none.
     pub(crate) span_s: f32,
     /// East and north, m/s.
     pub(crate) velocity_mps: Vector2<f32>,
     /// Standard deviation of each component, m/s.
     pub(crate) sigma_mps: f32,
-    /// How many successive ones share their errors.
+    /// Number of successive ones that share an error.
     pub(crate) shared: f32,
 }
 
@@ -52,7 +50,7 @@ impl Observation {
     }
 }
 
-/// The last sightings, numbered from the first one ever.
+/// The last observations, numbered from the first one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Observations {
@@ -80,7 +78,7 @@ impl Observations {
         self.count
     }
 
-    /// When the last was.
+    /// Time of the last.
     pub(crate) fn last(&self) -> Option<Time> {
         self.last
     }
@@ -91,7 +89,7 @@ impl Observations {
         last.map_or(0.0, |last| f64::from(last.velocity_mps.norm()))
     }
 
-    /// A sighting by its number, while it is kept.
+    /// An observation by its number, while it is kept.
     pub(crate) fn get(&self, number: u32) -> Option<&Observation> {
         let age = self.count.checked_sub(number)?;
         if age == 0 || age > KEPT {
@@ -105,7 +103,7 @@ impl Observations {
         self.count.saturating_sub(KEPT)
     }
 
-    /// Takes a fix; true if it makes a sighting.
+    /// Takes a fix; an observation if it makes one.
     pub(crate) fn add(&mut self, fix: &GnssFix, config: &Config) -> Option<Observation> {
         let observation = if fix.velocity_en_mps.is_some() {
             self.before = None;

@@ -1,4 +1,4 @@
-//! Rest: whether the vehicle stands, and what the sensors read meanwhile.
+//! Detection of rest, and means of the sensors meanwhile.
 
 use nalgebra::Vector3;
 
@@ -16,10 +16,10 @@ const ACCEL_STEP_MPS2: f64 = 0.15;
 /// Largest change of the mean angular rate from block to block, rad/s.
 const GYRO_STEP_RADPS: f64 = 0.003;
 
-/// Rate of a vehicle standing with people in it, rad/s in the mean of a second.
+/// Sway of a vehicle standing with people in it, rad/s in the mean of a second.
 const SWAY_RADPS: f64 = 3e-4;
 
-/// Variance of a gyro bias read at rest for some time, (rad/s)^2.
+/// Variance of a gyro bias measured at rest for some time, (rad/s)^2.
 pub(crate) fn gyro_variance(sensors: &SensorConfig, seconds: f64) -> f64 {
     (sensors.mean_gyro_noise() * sensors.mean_gyro_noise() + SWAY_RADPS * SWAY_RADPS) / seconds
 }
@@ -36,12 +36,12 @@ pub struct RestBlock {
     pub force_mps2: Vector3<f64>,
 }
 
-/// What a finished block says.
+/// Result of a finished block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// The block before was at rest, and so was this one, which confirms it.
+    /// The block before was at rest, confirmed by this one.
     Rest(RestBlock),
-    /// Quiet, but the next block has to confirm.
+    /// Quiet, to be confirmed by the next block.
     Perhaps(RestBlock),
     /// Moving.
     Motion(RestBlock),
@@ -61,15 +61,15 @@ impl Verdict {
     }
 }
 
-/// Sorts one-second blocks into rest and motion. A block counts as rest only after the next one
-/// was quiet too: GNSS speed is late, and the start of a motion must not be averaged in.
+/// Classifies one-second blocks. A block counts as rest only after the next one was quiet too: GNSS speed
+/// is late, and the start of a motion must not be averaged in.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RestDetector {
     seconds: f64,
     angle: Vector3<f64>,
     force: Vector3<f64>,
-    /// Sums of squared rate and force, times duration.
+    /// Integrals of squared rate and force.
     rate_power: f64,
     force_power: f64,
     moving: bool,
@@ -83,7 +83,7 @@ impl RestDetector {
         self.before = None;
     }
 
-    /// Adds an interval; answers once per block. `raw` is before any compensation.
+    /// Adds an interval; answers once per block. `raw` is uncompensated.
     pub fn on_interval(&mut self, raw: &Interval) -> Option<Verdict> {
         self.seconds += raw.seconds;
         self.angle += raw.angle_rad;

@@ -1,14 +1,13 @@
-//! How strong the correlated part of GNSS noise is, by the likelihood of the innovations.
+//! Strength of the correlated part of GNSS noise, by maximum likelihood of the innovations.
 //!
-//! A noise that is assumed too weak is followed too slowly: innovations go on as the ones before, and
-//! are too large. Each says how much likelier it would be of a stronger noise, by what its variance and
-//! its prediction would be more by. Of one sum that is measured, predicted with a variance `T` and
-//! measured with `R`, both follow from the update `T R / (T + R)` and the gain `T / (T + R)` by
-//! differentiation (sensitivity equations: Gupta and Mehra, IEEE TAC 19, 1974); a step of Fisher's
-//! scoring goes with each. So the noise is found wherever the INS and its parameters end, which the
-//! estimate of the noise itself does not tell: what both may hold, it may hold little of. So heights are
-//! learnt of; velocities and level positions by that estimate, which is slower, for an INS whose unit was
-//! turned unseen must be found and not be taken for noise.
+//! If it is assumed too weak, it is tracked too slowly, and innovations are correlated and too large. The
+//! score needs the derivatives of the innovation's variance and of the prediction by the noise. For one
+//! measured sum, predicted with variance `T` and measured with `R`, both follow from the update
+//! `T R / (T + R)` and the gain `T / (T + R)` (sensitivity equations: Gupta and Mehra, IEEE TAC 19, 1974),
+//! and each innovation gives a step of Fisher's scoring. This finds the noise whatever INS error and
+//! parameters converge to, where the estimated noise state, which shares what it holds with them, does not.
+//! Heights are learnt so; velocities and level positions from the noise state, which is slower: the error
+//! of an INS whose unit was turned during a gap must not pass for noise.
 
 use nalgebra::Vector2;
 
@@ -17,34 +16,33 @@ use crate::config::Noise;
 use crate::math;
 use crate::time::Time;
 
-/// Information about the logarithm of its variance, and of its correlation time: what is configured counts
-/// for some, a factor of four in the standard deviation being two sigmas, for receivers differ as much;
-/// remembered is what makes it good to a sixth.
+/// Information about the logarithm of variance or correlation time: of the prior, so that a factor of four
+/// in the standard deviation, by which receivers differ, is two sigmas; and the most remembered, good to a
+/// sixth.
 const PRIOR_INFORMATION: f64 = 0.5;
 const REMEMBERED: f64 = 10.0;
-/// What lasts for so many correlation times is no such noise, but an INS that errs.
+/// A mean over so many correlation times is an INS error and no noise.
 const SLOW: f64 = 10.0;
-/// Largest square of an estimate, in its variance, that counts.
+/// Bound on the normalized square of an estimate.
 const LARGEST_SQUARE: f64 = 9.0;
-/// Largest step of that logarithm from one fix: an outlier is no noise.
+/// Bound on the step of that logarithm per fix, against outliers.
 const LARGEST_STEP: f64 = 0.1;
 
 /// Strength of the correlated part of one kind of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ColouredNoise {
-    /// Its variance against the configured one, were the white part as strong as configured, and as
-    /// strong as it is.
+    /// Variance over the configured one, relative to the white part, and absolute.
     pub ratio: f64,
     pub strength: f64,
     information: f64,
     last: Time,
-    /// What lasts of its estimate.
+    /// Slow part of its estimate.
     slow_mean: Vector2<f64>,
 }
 
-/// How many times longer than configured the correlated part lasts, with as much that comes in: `sigma^2 /
-/// tau` is what innovations tell in seconds, and how far it wanders what they tell in minutes.
+/// Correlation time over the configured one, at the same `sigma^2 / tau`: that is what innovations tell
+/// within seconds, and how far it wanders what they tell in minutes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CorrelationTime {
@@ -53,8 +51,7 @@ pub struct CorrelationTime {
     sensitivity: FilterSensitivity,
 }
 
-/// By how much more variance the next measurement would be predicted, and itself be predicted to be
-/// more, for a unit more of the logarithm of what is found.
+/// Derivatives of the predicted measurement and of its variance by the logarithm of a noise parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FilterSensitivity {
@@ -63,13 +60,13 @@ pub struct FilterSensitivity {
 }
 
 impl FilterSensitivity {
-    /// Some of the noise has gone, and some has come in.
+    /// Time update with a Gauss-Markov step.
     pub fn propagate(&mut self, renewal: &Markov) {
         self.variance = renewal.keep * renewal.keep * self.variance + renewal.new;
         self.predicted *= renewal.keep;
     }
 
-    /// An innovation of a variance per component is taken, of which `white` is white noise.
+    /// Measurement update, with the innovation's variance per component, `white` of it white noise.
     pub fn update(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
         let kept = white / total;
         let gain = kept * self.variance / total;
@@ -77,8 +74,7 @@ impl FilterSensitivity {
         self.variance *= kept * kept;
     }
 
-    /// Step of the logarithm that an innovation of so many components and a variance of each asks for,
-    /// before it is taken.
+    /// Scoring step of that logarithm by an innovation, before its measurement update.
     fn step(
         &self,
         information: &mut f64,
@@ -106,13 +102,13 @@ impl Default for CorrelationTime {
 }
 
 impl CorrelationTime {
-    /// How many times longer than configured a noise of this colour is assumed to last.
+    /// Correlation time assumed, over the configured one.
     pub fn ratio_of(&self, coloured: &ColouredNoise) -> f64 {
         math::max(self.ratio, coloured.time_ratio())
     }
 
-    /// Some of the noise has gone in a part of its correlation time, and some has come in; of its `sigma`,
-    /// squared, an estimate was known but for a variance `left`.
+    /// Time update: the step lasts for `part` of the correlation time; of a noise of variance `sigma2` the
+    /// estimate has the variance `left`.
     pub fn propagate(
         &mut self,
         renewal: &Markov,
@@ -128,8 +124,8 @@ impl CorrelationTime {
         s.predicted = s.predicted * keep + estimate * longer;
     }
 
-    /// Learns from an innovation of a variance, before it is taken. A shorter time than configured is never
-    /// believed: what it is for, an honest spread of the height, errs to the safe side without it.
+    /// Scoring step, before the measurement update. Never below the configured time: the sigma of the
+    /// height is then too large, if anything.
     pub fn learn(&mut self, innovation: &Vector2<f64>, total: f64, [_, most]: [f64; 2]) {
         let step = self
             .sensitivity
@@ -137,7 +133,7 @@ impl CorrelationTime {
         self.ratio = math::clamp(self.ratio * (1.0 + step), [1.0, most]);
     }
 
-    /// An innovation of a variance is taken, of which `white` is white noise.
+    /// Measurement update; `white` of the variance is white noise.
     pub fn update(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
         self.sensitivity.update(innovation, total, white);
     }
@@ -155,25 +151,24 @@ impl ColouredNoise {
         }
     }
 
-    /// How many times longer than configured that of a position is assumed to last, with as much that comes
-    /// in. What is slow beside the velocities that hold an INS shows by how little comes in, `sigma^2 / tau`;
-    /// how far the INS errs with it goes by `sigma^2 tau`, which innovations do not tell: of one that comes
-    /// in more slowly than configured, that is assumed as configured.
+    /// Correlation time of a position over the configured one, at the same `sigma^2 / tau`, which is what
+    /// shows beside velocities. How far the INS errs with it goes by `sigma^2 tau`, which does not show:
+    /// where `sigma^2 / tau` is less than configured, `sigma^2 tau` is assumed as configured.
     pub fn time_ratio(&self) -> f64 {
         1.0 / math::sqrt(math::min(self.ratio, 1.0))
     }
 
-    /// Variance that the correlated part is assumed to have, which lasts so many times longer than configured.
+    /// Variance assumed of the correlated part, with this ratio of its correlation time.
     pub fn variance(&self, noise: &Noise, time_ratio: f64) -> f64 {
         noise.correlated * noise.correlated * self.strength * time_ratio
     }
 
-    /// Both parts are stronger by this, in variance.
+    /// Scales both parts, in variance.
     pub fn scale(&mut self, both: f64) {
         self.strength = both * self.ratio;
     }
 
-    /// Learns from an innovation of so many components and a variance of each, before it is taken.
+    /// Scoring step by an innovation, before its measurement update.
     pub fn learn(
         &mut self,
         sensitivity: &FilterSensitivity,
@@ -186,7 +181,7 @@ impl ColouredNoise {
         self.ratio = math::clamp_variance(self.ratio * (1.0 + step), range);
     }
 
-    /// It is another one now than a short while ago, by a variance of each component.
+    /// Learns from a jump of the noise of this variance per component.
     pub fn on_jump(&mut self, square: f64, components: f64, noise: &Noise, range: [f64; 2]) {
         let assumed = self.variance(noise, self.time_ratio());
         if assumed <= 0.0 {
@@ -194,14 +189,14 @@ impl ColouredNoise {
         }
         let new = 0.5 * components;
         self.information = math::min(self.information + new, REMEMBERED);
-        // Two of them differ by twice as much.
+        // The difference of two of them has twice the variance.
         let found = math::min(0.5 * square / assumed, LARGEST_SQUARE);
         let ratio = self.ratio * (1.0 + new * (found - 1.0) / self.information);
         self.ratio = math::clamp_variance(ratio, range);
     }
 
-    /// Learns from what the observer takes for this noise, which it assumes to last so many times longer than
-    /// configured, after a fix, in so many components, and the variance with which each is not known.
+    /// Learns from the estimated noise state after a fix, known but for a variance `left` per component,
+    /// and with the assumed ratio of the correlation time.
     pub fn learn_from_state(
         &mut self,
         now: Time,
@@ -221,9 +216,9 @@ impl ColouredNoise {
         );
         self.last = now;
         self.slow_mean += (estimate - self.slow_mean) * (new / SLOW);
-        // Less its mean over a while, noise is smaller by as much.
+        // Removing the slow mean reduces the variance.
         let square = (estimate - self.slow_mean).norm_squared() / components * (1.0 + 1.0 / SLOW);
-        // What was assumed before may be more.
+        // Before, more may have been assumed.
         let left = math::min(left / assumed, 1.0);
         let known = 1.0 - left;
         self.information = math::min(self.information + 0.5 * known * known * new, REMEMBERED);

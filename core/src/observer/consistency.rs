@@ -1,34 +1,32 @@
-//! Whether a parameter is known as well as it seems, and is the constant that it is taken for.
+//! Consistency of a parameter's corrections with its variance.
 //!
-//! What an estimate moves by, from one look at it to the next, has the variance that it loses
-//! meanwhile: `Var(E[x|2] - E[x|1]) = Var(x|1) - Var(x|2)`, by the law of total variance, whatever
-//! was measured. One that goes on moving by more was told less than the model says, or does not
-//! stand still: noise of GNSS that no model has, an accelerometer that warms up or rectifies
-//! vibration, a unit that slips. Then some of what it has gained is taken back, again and again,
-//! until it moves as it should; and it is stated to be known by as much less.
+//! Between two checks an estimate changes with the variance that it loses:
+//! `Var(E[x|2] - E[x|1]) = Var(x|1) - Var(x|2)`, by the law of total variance, whatever was measured. If it
+//! keeps changing by more, its variance is too small, or it is no constant: unmodelled noise of GNSS, an
+//! accelerometer that warms up or rectifies vibration, a mount that slips. Then part of the variance lost
+//! is added back at every check until the changes are consistent, and the stated sigma is larger by as
+//! much.
 
 use crate::math;
 
-/// Part of its variance that it must have lost to be looked at: less is lost in rounding.
+/// Least loss of variance for a check, as a part of it: less is lost in rounding.
 const LEAST_GAIN: f32 = 0.02;
-/// Largest square of a move that counts, in the variance lost: of normal ones one in 16,000 is
-/// larger.
+/// Bound on the normalized square of a change: of normal ones one in 16,000 is larger.
 const LARGEST_SQUARE: f32 = 16.0;
-/// Looks over which the squares are averaged. Their mean is then good to a fifth, and 1.5 beyond
-/// chance.
+/// Checks over which the squares are averaged: their mean is good to a fifth, and 1.5 beyond chance.
 const LOOKS: f32 = 20.0;
 const INCONSISTENT: f32 = 1.5;
-/// Part of the variance lost that is given back for each unit of the mean square beyond that: a
-/// parameter whose moves are twice too large is known no better with time.
+/// Part of the lost variance that is added back per unit of the mean square beyond that: with changes twice
+/// too large the variance does not fall any more.
 const REINFLATION: f32 = 0.5;
-/// Largest part that is given back: what is less known than before must show that first.
+/// Bound on that part: a loss of knowledge must show first.
 const MOST_REINFLATION: f32 = 2.0;
 
-/// Sigmas of what has become known that it may have moved by since its variance was twice as large.
-/// Small moves that go on in one direction show there, and in no look.
+/// Sigmas of the variance lost by which it may change while its variance halves: small changes in one
+/// direction show there, and in no single check.
 const HALVING_SIGMAS: f32 = 2.0;
 
-/// A move since some moment, and the variance of then, with what was added since.
+/// Change since some time, and the variance then, plus what was added since.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Move {
@@ -37,7 +35,7 @@ struct Move {
 }
 
 impl Move {
-    /// Sees nothing but the variance, when it is looked at first.
+    /// The first check only takes the variance.
     const NEVER: Self = Self::at(f32::MAX);
 
     const fn at(variance: f32) -> Self {
@@ -48,38 +46,38 @@ impl Move {
     }
 }
 
-/// How one parameter has moved.
+/// Changes of one parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Consistency {
-    /// Since the last look, and since its variance was twice as large.
+    /// Since the last check, and since its variance was twice as large.
     recent: Move,
     halving: Move,
-    /// Mean square of its moves from look to look, in the variance lost.
+    /// Mean normalized square of the changes.
     mean: f32,
 }
 
 impl Consistency {
-    /// Before the first look.
+    /// Before the first check.
     pub const NEW: Self = Self {
         recent: Move::NEVER,
         halving: Move::NEVER,
         mean: 1.0,
     };
 
-    /// Its estimate has moved.
+    /// The estimate has been corrected.
     pub fn on_correction(&mut self, by: f32) {
         self.recent.moved += by;
         self.halving.moved += by;
     }
 
-    /// It may have walked by a variance more.
+    /// Process noise has been added.
     pub fn on_walk(&mut self, variance: f32) {
         self.recent.variance += variance;
         self.halving.variance += variance;
     }
 
-    /// Looks at its variance now; what is to be added to it, if anything.
+    /// Checks it, given its variance; returns the variance to add.
     pub fn check(&mut self, variance: f32) -> f32 {
         math::max(self.check_recent(variance), self.check_halving(variance))
     }
@@ -96,7 +94,7 @@ impl Consistency {
         gained * math::min(REINFLATION * (self.mean - INCONSISTENT), MOST_REINFLATION)
     }
 
-    /// As much as makes the move that of its sigmas; all that was gained at most.
+    /// Adds what makes the change one of so many sigmas, and no more than was lost.
     fn check_halving(&mut self, variance: f32) -> f32 {
         let Move { moved, variance: v } = self.halving;
         if v < 2.0 * variance {
@@ -108,7 +106,7 @@ impl Consistency {
         math::min(math::max(excess, 0.0), gained)
     }
 
-    /// By how much less it is known than its variance says, in variance.
+    /// Factor on the stated variance.
     pub fn inflation(&self) -> f64 {
         f64::from(math::max(self.mean, INCONSISTENT) / INCONSISTENT)
     }

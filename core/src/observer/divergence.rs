@@ -1,4 +1,4 @@
-//! What was not seen, and an INS that is found to be wrong.
+//! Gaps in the inertial data, jumps, and divergence of the INS.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -15,37 +15,37 @@ use crate::parameters::{COUNT, index};
 use crate::solution::SolutionSigma;
 use crate::time::Time;
 
-/// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
-/// it was doubted with a tilt of 0.1 rad; and of its tilt and azimuth, rad.
+/// Sigmas after a reset. Velocity, m/s: a second of braking, or ten with a tilt of 0.1 rad; tilt and
+/// azimuth, rad.
 pub const RESET_MPS: f64 = 10.0;
 const RESET_TILT_RAD: f64 = 0.05;
 const RESET_AZIMUTH_RAD: f64 = 0.3;
-/// Time for which an INS that is found to be lost has run away at the speed that it has then, s.
+/// Time for which a diverged INS has had its velocity error, s.
 const DIVERGING_S: f64 = 0.5 * AGREEING_S;
-/// Time for which innovations must be too large before the INS is doubted, s; and vertical ones before
-/// the vertical is: longer than a bump, and no manoeuvre tips the vertical velocity.
+/// Time for which the innovations must be too large until the INS is reset, s; for the vertical longer than
+/// a bump, and no manoeuvre disturbs the vertical velocity.
 const EXCEEDED_S: f64 = 10.0;
 const VERTICAL_EXCEEDED_S: f64 = 5.0;
-/// Prior sigmas that no parameter is off by, least of them of the latency, s: 3 s is more than the ring
-/// holds; and a tilt that no levelled INS has, rad.
+/// Prior sigmas that no parameter is off by; least sigma of the latency for that, s: 3 s is more than the
+/// ring holds; and a tilt that no levelled INS has, rad.
 const CREDIBLE_SIGMAS: f64 = 30.0;
 const LEAST_LATENCY_SIGMA_S: f64 = 0.1;
 const CREDIBLE_TILT_RAD: f64 = 1.0;
-/// More than a way over reflections makes a receiver err by, m.
+/// More than multipath makes a receiver err by, m.
 const REFLECTED_M: f64 = 1e3;
-/// Rate and acceleration of an ordinary manoeuvre, which a hole of a second may hide, rad/s and m/s^2:
-/// a shorter one hides as much less, and a longer one no more.
+/// Rate and acceleration of an ordinary manoeuvre hidden by a gap of a second, rad/s and m/s^2:
+/// proportionally less by a shorter one, and no more by a longer one.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
 const HIDDEN_S: f64 = 1.0;
 
-/// Inertial samples that are missing, and the variances of what was filled in: it may be wrong by half of
-/// what the readings at both ends differ by, and by an ordinary manoeuvre.
+/// Missing inertial samples, and the variances of the interpolation: it may be wrong by half of the
+/// difference of the readings at both ends, and by an ordinary manoeuvre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Hole {
     start: Time,
-    /// The first sample after it.
+    /// First sample after it.
     pub end: Time,
     position: f64,
     velocity: f64,
@@ -58,7 +58,7 @@ impl Hole {
     pub fn after(start: Time, seconds: f64, [rate, accel]: [f64; 2]) -> Self {
         let part = math::min(seconds / HIDDEN_S, 1.0);
         let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
-        // Gravity is felt elsewhere after a turn.
+        // A hidden turn changes the direction of gravity in the body.
         let tipped = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
         let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
         let moved = 0.5 * accel * seconds;
@@ -72,13 +72,13 @@ impl Hole {
         }
     }
 
-    /// Whether what the INS did at a moment is interpolated over it.
+    /// Whether the INS at this time is interpolated over the gap.
     pub fn holds(&self, moment: Time) -> bool {
         let before_s = self.start.seconds_since(moment);
         before_s < 2.0 * SPACING_S && moment.seconds_since(self.end) < SPACING_S
     }
 
-    /// The spread of an INS that has gone through it.
+    /// Sigmas of an INS that has passed it.
     pub fn widen(&self, sigma: &SolutionSigma) -> SolutionSigma {
         let wider = |sigma: f64, variance: f64| math::sqrt(sigma * sigma + variance);
         let attitude = Vector3::new(self.tilt, self.tilt, self.azimuth);
@@ -91,7 +91,7 @@ impl Hole {
 }
 
 impl Observer {
-    /// The horizon has come to the end of a hole.
+    /// The horizon has reached the end of a gap.
     pub fn on_hole(&mut self, hole: &Hole) {
         self.level.add_variance(hole.velocity, hole.tilt);
         self.vertical.add_variance(hole.velocity, 0.0);
@@ -100,8 +100,8 @@ impl Observer {
         self.azimuth_walk += hole.azimuth;
     }
 
-    /// A parameter has jumped, by a size of this variance, some time before it was found: of what the INS
-    /// errs by it has caused one part as it is, and one as it was.
+    /// A parameter has jumped by a size of this variance, some time before detection: part of the INS error
+    /// was caused by its old value.
     #[inline(never)]
     pub(super) fn on_jump(&mut self, which: usize, variance: f64) {
         self.corrections.diffuse(which, math::single(variance));
@@ -115,12 +115,12 @@ impl Observer {
         self.resets.note(self.horizon);
     }
 
-    /// The INS was found to be wrong, its velocity by this variance: all may be, by what it is when
-    /// alignment ends, and its biases, which have been learnt of meanwhile, by all that was believed of them.
+    /// Resets the covariance of a diverged INS, with this variance of the velocity error, to that after
+    /// alignment; the biases, estimated meanwhile, get their prior variance more.
     #[inline(never)]
     fn reset_covariance(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
-        // What has tilted it has made it run away.
+        // The tilt goes with the velocity error that it has caused.
         let variance = math::max(variance, RESET_MPS * RESET_MPS);
         let tilt = variance * (RESET_TILT_RAD / RESET_MPS) * (RESET_TILT_RAD / RESET_MPS);
         let position = self.level.position() + variance * DIVERGING_S * DIVERGING_S;
@@ -138,7 +138,7 @@ impl Observer {
             let sigma = math::single(sigma);
             for axis in 0..3 {
                 self.add_walk(first + axis, sigma * sigma);
-                // Where it is given up at once its turn does not come.
+                // If the INS is realigned at once, their turn does not come.
                 self.widen(first + axis, f64::from(sigma * sigma));
             }
         }
@@ -148,7 +148,7 @@ impl Observer {
         self.gyro_noise.restart();
     }
 
-    /// The same of the vertical alone, with this variance of the velocity more.
+    /// The same of the vertical alone.
     #[inline(never)]
     fn reset_vertical(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
@@ -160,7 +160,7 @@ impl Observer {
         self.scale_gnss_noise([1.0; 2], [0.0; 2]);
     }
 
-    /// Vertical velocities so far were wrong, and what they have shown.
+    /// Vertical velocities had the wrong sign: discards what they have shown.
     pub fn forget_vertical(&mut self, config: &Config) {
         self.reset_vertical(RESET_MPS * RESET_MPS, config);
         let prior = config.prior_sigma();
@@ -173,8 +173,7 @@ impl Observer {
         }
     }
 
-    /// What GNSS was thought to err by explained some of the INS's own error: parts of it that are kept, of
-    /// velocity and position.
+    /// Scales the GNSS noise states of velocity and position: they hold part of the INS's own error.
     fn scale_gnss_noise(&mut self, level: [f32; 2], up: [f32; 2]) {
         self.state.decay(level.map(f64::from), up.map(f64::from));
         for sensitivity in estimated(&mut self.sensitivities, &self.corrections) {
@@ -182,23 +181,23 @@ impl Observer {
         }
     }
 
-    /// When it was last found to be wrong.
+    /// Time of the last reset.
     pub fn last_reset(&self) -> Option<Time> {
         self.resets.last.max(self.vertical_resets.last)
     }
 
-    /// Whether believing it less does not mend it.
+    /// Whether resets have not helped.
     pub fn needs_realignment(&self) -> bool {
         self.resets.is_exceeded()
     }
 
-    /// Whether all that it says can be: else it has been misled, and must begin anew from what is
-    /// configured. No other error than an attitude that is far off keeps pulling the vertical.
+    /// Whether parameters and errors are credible; else realignment begins with the configured prior. Only
+    /// a grossly wrong attitude makes the vertical diverge again and again.
     pub fn is_credible(&self, config: &Config) -> bool {
         let prior = config.prior();
         let credible = |which: usize| {
             let sigma = prior.sigma(which);
-            // Clocks drift apart, and the search for the heading finds the latency by itself.
+            // Clocks drift, and the search for the heading finds the latency by itself.
             let sigma = if which == index::LATENCY {
                 math::max(sigma, LEAST_LATENCY_SIGMA_S)
             } else {
@@ -215,7 +214,7 @@ impl Observer {
             && self.level.tilt().is_finite()
     }
 
-    /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this in each axis.
+    /// Fixes of a kind were refused for so long that the INS is wrong, by this per axis.
     pub(super) fn on_diverged(&mut self, kind: Kind, error: &Vector2<f64>, config: &Config) {
         let components = if kind.is_up() { 1.0 } else { 2.0 };
         let variance = error.norm_squared() / components;
@@ -226,7 +225,7 @@ impl Observer {
             Kind::Height if self.aided_by(Kind::Climb) => {
                 self.on_position_jump(kind, error, variance, config);
             }
-            // Nothing else says how fast it is.
+            // Velocity from the position error: nothing else tells it.
             Kind::Position => self.reset_covariance(variance / (DIVERGING_S * DIVERGING_S), config),
             Kind::Height => {
                 self.reset_vertical(variance / (DIVERGING_S * DIVERGING_S), config);
@@ -237,9 +236,9 @@ impl Observer {
         }
     }
 
-    /// Positions lie elsewhere while velocities go on: the receiver sees other satellites, or the INS lay off
-    /// all the time. Which of the two, the next minutes tell; by more than reflections make a receiver err it is
-    /// the INS, which is then put there.
+    /// Positions jump while velocities agree: multipath or other satellites, or a wrong position of the
+    /// INS. The variance is shared until the next minutes tell; beyond any multipath it is the INS, which
+    /// is corrected at once.
     fn on_position_jump(
         &mut self,
         kind: Kind,
@@ -273,13 +272,13 @@ impl Observer {
         self.scale_gnss_noise([1.0, level], [1.0, up]);
     }
 
-    /// Whether the INS was held against measurements of a kind of late.
+    /// Whether a measurement of this kind was accepted of late.
     pub fn aided_by(&self, kind: Kind) -> bool {
         let innovations = self.innovations.get(kind as usize);
         innovations.is_some_and(|kind| kind.is_recent(self.horizon))
     }
 
-    /// An INS whose innovations stay too large is not believed any more, nor is its vertical.
+    /// Resets an INS, or its vertical, whose innovations stay too large.
     pub fn check_divergence(&mut self, config: &Config) {
         if self.nis.exceeded_s >= EXCEEDED_S {
             self.reset_covariance(0.0, config);

@@ -1,5 +1,5 @@
-//! What the observer follows: the error of the INS and the correlated noise of GNSS; and the same that
-//! a unit of each parameter would have caused.
+//! State of the observer: INS error and correlated GNSS noise. Its sensitivities to the parameters have the
+//! same form.
 
 use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 
@@ -8,21 +8,20 @@ use crate::error_model::InsError;
 use crate::measurement::Kind;
 use crate::parameters::{COUNT, index};
 
-/// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
-/// the sign that it has in INS minus GNSS.
+/// State of the observer, ENU; the noise has the sign that it has in INS minus GNSS.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ErrorState<T: Scalar> {
     /// Error of the INS.
     pub error: InsError<T>,
-    /// Of GNSS velocity, m/s.
+    /// Correlated noise of GNSS velocity, m/s.
     pub velocity_noise: Vector3<T>,
     /// Of GNSS position, m.
     pub position_noise: Vector3<T>,
 }
 
 impl<T: RealField + Copy> ErrorState<T> {
-    /// What it makes of INS minus GNSS.
+    /// Its part in INS minus GNSS: `H x`.
     pub fn measurement(&self, measured: Measured) -> Vector3<T> {
         match measured {
             Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
@@ -30,7 +29,7 @@ impl<T: RealField + Copy> ErrorState<T> {
         }
     }
 
-    /// Keeps a part of the noises of velocity and position.
+    /// Multiplies the noise of velocity and position by these.
     pub fn decay(&mut self, level: [T; 2], up: [T; 2]) {
         let ([velocity, position], [velocity_up, position_up]) = (level, up);
         self.velocity_noise
@@ -39,7 +38,7 @@ impl<T: RealField + Copy> ErrorState<T> {
             .component_mul_assign(&Vector3::new(position, position, position_up));
     }
 
-    /// Corrects east and north, or up, by an innovation of each: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
+    /// Corrects east and north, or up, by their innovations: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
     #[inline]
     pub fn correct<const R: usize>(&mut self, gains: &SVector<T, 5>, by: &[T; R]) {
         let Self {
@@ -71,7 +70,7 @@ impl<T: RealField + Copy> ErrorState<T> {
         }
     }
 
-    /// The states of one axis, as [`Self::correct`] corrects them.
+    /// Channel states of one axis, with the signs of [`Self::correct`].
     pub fn states(&self, axis: usize) -> SVector<T, 5> {
         let of = |v: &Vector3<T>| v.get(axis).copied().unwrap_or_else(T::zero);
         let tilt = &self.error.tilt_rad;
@@ -97,7 +96,7 @@ impl<T: RealField + Copy> ErrorState<T> {
 }
 
 impl ErrorState<f64> {
-    /// The correlated noise of one kind.
+    /// Correlated noise of one kind.
     pub fn noise(&self, kind: Kind) -> Vector2<f64> {
         let noise = match kind.measured() {
             Measured::Velocity => &self.velocity_noise,
@@ -126,7 +125,7 @@ impl ErrorState<f32> {
     }
 }
 
-/// Responses before anything has happened: the azimuth parameter is the azimuth error.
+/// At the start only the azimuth parameter has an effect: it is the azimuth error.
 pub const INITIAL_SENSITIVITIES: [ErrorState<f32>; COUNT] = {
     const NONE: Vector3<f32> = Vector3::new(0.0, 0.0, 0.0);
     let mut sensitivities = [ErrorState {

@@ -1,36 +1,34 @@
-//! Whether azimuth or latency has jumped: a mount that slips, a turn that a hole or a saturated gyro hides;
-//! a clock that was set, a receiver that was switched on again.
+//! Detection of a jump of azimuth or latency: a mount that slips, a turn during a gap or beyond a gyro's
+//! range; a clock that was set, a receiver that was restarted.
 //!
-//! What a jump adds to the innovations is known, but for its size: the response to a unit of the
-//! parameter. The size that explains the innovations of the last time best is held against what is
-//! known of it (generalized likelihood ratio of a jump: Willsky and Jones, IEEE TAC 21,
-//! 1976). Noise learnt from the innovations would explain them as well: not in this direction. But a level
-//! that has been tipped pulls all the time the same way, and leans on what the accelerometers feel, by which
-//! a latency shows: of that only what changes counts, as if such a pull were estimated beside it.
+//! A jump adds its size times the parameter's sensitivity to the innovations. The size with the best fit is
+//! tested against the parameter's variance (generalized likelihood ratio: Willsky and Jones, IEEE TAC 21,
+//! 1976). Adaptive noise could explain large innovations too, but not along this direction. A wrong level,
+//! however, is a constant offset that is correlated with the acceleration by which a latency shows: for
+//! latency an offset is estimated beside the jump.
 
 use nalgebra::Vector2;
 
-/// Sigmas of a jump, and least part of what is too much in the squares of the innovations that it
-/// explains.
+/// Sigmas of a jump, and least part of the excess of the squared innovations that it explains.
 const SIGMAS: f64 = 5.0;
 const EXPLAINED: f64 = 0.5;
 
-/// How a jump of a parameter is looked for.
+/// Settings of the test of one parameter.
 #[derive(Debug)]
 pub struct JumpTest {
-    /// Time over which innovations, and what a unit adds to them, are averaged first, s.
+    /// Averaging time of innovations and partials before the test, s.
     mean_s: f64,
-    /// Time for which they count, s.
+    /// Memory, s.
     memory_s: f64,
-    /// Least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
+    /// Least effective time of detection, s: outliers come in bursts, in any direction.
     pub least_time_s: f64,
-    /// Whether something may pull all the time the same way.
+    /// Whether a constant offset is estimated beside the jump.
     with_offset: bool,
-    /// Whether innovations that are not believed count as well.
+    /// Whether rejected innovations count as well.
     pub uses_rejected: bool,
 }
 
-/// An azimuth: some manoeuvres.
+/// Azimuth: some manoeuvres.
 pub const AZIMUTH: JumpTest = JumpTest {
     mean_s: 0.0,
     memory_s: 30.0,
@@ -38,14 +36,15 @@ pub const AZIMUTH: JumpTest = JumpTest {
     with_offset: false,
     uses_rejected: true,
 };
-/// A latency: so does what a hard braking does to sensors.
+/// Latency, for longer: what hard braking does to sensors looks like one.
 pub const LATENCY: JumpTest = JumpTest {
     least_time_s: 9.0,
     with_offset: true,
     ..AZIMUTH
 };
-/// One that was never right: steps show it but for whole ones, and of a walk only bends and stops do, each for a
-/// second or two, which are not seen among steps. In so long a time an INS also follows a receiver that is stuck.
+/// Latency wrong from the start: walking shows it only modulo a step, but for turns and stops of a second
+/// or two, which averaging brings out. Accepted fixes only: in so long a time an INS also follows a
+/// receiver that is stuck.
 pub const INITIAL_LATENCY: JumpTest = JumpTest {
     mean_s: 1.0,
     memory_s: 300.0,
@@ -53,29 +52,29 @@ pub const INITIAL_LATENCY: JumpTest = JumpTest {
     ..LATENCY
 };
 
-/// Innovations of the last time against the response to a jump.
+/// Sums of the likelihood ratio.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Jump {
-    /// Of its size: weighted sum of what shows it, and information.
+    /// Score and information of the size.
     score: f64,
     information: f64,
-    /// Squares of the information in a second, integrated.
+    /// Integral of the squared information rate.
     info_squares: f64,
-    /// Squares of the innovations, in their variance, less what noise makes of them.
+    /// Normalized squared innovations beyond their expectation.
     excess: f64,
-    /// Of a pull that stays: information, and of each component what shows it, and what it shares with a jump.
+    /// Of the offset: information, score per component, and cross information with the jump.
     offset_weight: f64,
     offset: [f64; 2],
     shared: [f64; 2],
-    /// Innovation and what a unit would add to it, averaged.
+    /// Averaged innovation and partial.
     mean: [f64; 2],
     mean_partial: [f64; 2],
 }
 
 impl Jump {
-    /// Takes an innovation of this variance per component, `seconds` (positive) after the last, to
-    /// which a unit would add `by`. What is averaged tells less, which its smaller square holds.
+    /// Adds an innovation of this variance per component, `seconds` (positive) after the last, with its
+    /// partial `by`. An average tells less, as its smaller square does.
     #[inline(never)]
     pub fn add(
         &mut self,
@@ -109,8 +108,8 @@ impl Jump {
         self.excess = keep * self.excess + square;
     }
 
-    /// The square of its size, if there was one beyond what is known to `variance`; innovations are `inflation`
-    /// times less informative than white ones.
+    /// Square of the size if a jump is detected beyond the parameter's `variance`; `inflation` is that of
+    /// the innovations' variance by their correlation.
     #[inline(never)]
     pub fn detect(&mut self, variance: f64, inflation: f64, test: &JumpTest) -> Option<f64> {
         let expected = inflation + self.information * variance;

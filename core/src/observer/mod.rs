@@ -1,14 +1,13 @@
 //! The exact form of the compensation estimators: every control undone, all parameters jointly.
 //!
-//! Equation (6) of the thesis drops `K1 dV` and `dV'`, so (7) and (8) depend on the loop. Nothing
-//! need be dropped, since every control is known. An observer follows the error of the damped INS
-//! by the exact (1)-(2), `dV' = f x Phi + C df`, `Phi' = -w_in x Phi - C dw`, with the controls as
-//! known inputs: its innovations do not depend on the loops. They are linear in corrections to
-//! the parameters, through the error that a unit of each would cause, which the observer follows
-//! in the same way.
-//! With gains at the noise optimum the innovations are white, so plain least squares over them
-//! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
-//! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::add_walk`.
+//! Equation (6) of the thesis drops `K1 dV` and `dV'`, so (7) and (8) depend on the loop. Nothing need be
+//! dropped, since every control is known. An observer estimates the error of the damped INS by the exact
+//! (1)-(2), `dV' = f x Phi + C df`, `Phi' = -w_in x Phi - C dw`, with the controls as known inputs: its
+//! innovations do not depend on the loops. They are linear in corrections to the parameters, through the
+//! sensitivities of the error state to them, which the observer propagates and corrects alike. With optimal
+//! gains the innovations are white, so least squares over them equal a Kalman filter with all parameters in
+//! its state (Friedland's separate-bias estimation, IEEE TAC 14, 1969); for parameters that are random
+//! walks see `Observer::add_walk`.
 
 mod coloured_noise;
 mod consistency;
@@ -46,73 +45,73 @@ use crate::time::Time;
 /// One number for each parameter.
 type Row = SVector<f32, COUNT>;
 
-/// Time over which the level attitude of the mount is averaged at first, s: some manoeuvres.
+/// Initial averaging time of the level attitude of the mount, s: some manoeuvres.
 const FIRST_LEVEL_S: f64 = 30.0;
-/// Heights on Earth, above and below where an INS begins that has not been told one, m.
+/// Heights on Earth, above and below an INS that has not been given one, m.
 const UNKNOWN_HEIGHT_M: f64 = 9000.0;
 
-/// Jumps that are looked for, and how.
+/// Parameters that are tested for jumps, and how.
 const JUMPS: [(usize, jump::JumpTest); 3] = [
     (index::AZIMUTH, jump::AZIMUTH),
     (index::LATENCY, jump::LATENCY),
     (index::LATENCY, jump::INITIAL_LATENCY),
 ];
-/// Before anything has moved.
+/// Before the first correction.
 const CONSTANT: [Consistency; COUNT] = [Consistency::NEW; COUNT];
 
-/// Observer of the INS error and running least squares of the parameters behind it.
+/// Observer of the INS error, and recursive least squares of the parameters that cause it.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Observer {
-    /// As it is at the horizon with the parameters as they are known. The azimuth error is the
-    /// first parameter.
+    /// At the horizon, with the parameters as estimated. The azimuth error is the first parameter.
     state: ErrorState<f64>,
-    /// What a unit of each parameter more would make of it.
+    /// Friedland's V: partials of the state by each parameter.
     sensitivities: [ErrorState<f32>; COUNT],
     level: Channel,
     vertical: Channel,
     innovations: [Innovations; 4],
     coloured_noise: [ColouredNoise; 4],
-    /// To how strong that of heights is, and how long it lasts.
+    /// For the strength of the correlated noise of heights, and its correlation time.
     height_score: FilterSensitivity,
     height_correlation: CorrelationTime,
     gyro_noise: ProcessNoise,
-    /// How the level innovations compare with what they should be, and those of the vertical, which goes
-    /// wrong on its own.
+    /// Running normalized innovation squared of the level axes and of the vertical, which diverges on its
+    /// own.
     pub nis: NisTest,
     pub vertical_nis: NisTest,
     resets: Resets,
     vertical_resets: Resets,
     /// Of [`JUMPS`].
     jumps: [Jump; JUMPS.len()],
-    /// Variance of an offset that all measured headings share beyond what they state, rad^2.
+    /// Variance of an offset common to all measured headings, beyond their stated sigma, rad^2.
     heading_offset: f32,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
-    /// Last solution; the latency is that of its moment.
+    /// Last solution; the latency is that of its time.
     parameters: Parameters,
     /// Specific force in the body at the level attitude of the mount, m/s^2.
     level_force_mps2: Vector3<f64>,
     gravity_mps2: f64,
-    /// Time over which that is averaged, s.
+    /// Averaging time of that, s.
     level_averaged_s: f64,
-    /// Whose spread is due next, and what the spreads of the parameters add to the variance of the
-    /// INS error.
+    /// The sigma that is updated next, and the part of the INS error's variance that is due to the
+    /// parameters.
     next_sigma: u8,
     parameter_variance: InsError<f32>,
-    /// How each parameter moves, and what is to be given back of the one whose turn it is.
+    /// Consistency of each parameter's corrections with its variance, and variance to be given back next.
     consistency: [Consistency; COUNT],
     reinflation: Option<f32>,
-    /// Smoothing with which it and the arm were learnt, s^2, and whether the arm is to be learnt anew.
+    /// Smoothing about which its rows and those of the arm were linearized, s^2; whether the arm is to be
+    /// learnt anew.
     linearized_at_s2: f64,
     relearns_arm: bool,
-    /// Since the horizon that the last solution was for, s; before it since the one before; and the
-    /// azimuth's walk since then, rad^2.
+    /// Time since the last solution, s; that between the two before it; and variance by which the azimuth
+    /// has walked since then, rad^2.
     unsolved_s: f64,
     elapsed_s: f64,
     azimuth_walk: f64,
-    /// The vertical in the body at the horizon, the force felt there, m/s^2, and its mean beyond that at the
-    /// level attitude; how far the vertical was tipped, and velocity pulled, ENU.
+    /// At the horizon, in the body: the vertical, specific force, m/s^2, and its mean excess over that at
+    /// the level attitude; transient tilt and velocity errors of the manoeuvre.
     up: Vector3<f64>,
     force_mps2: Vector3<f64>,
     excess_mps2: Vector3<f32>,
@@ -121,14 +120,13 @@ pub struct Observer {
     horizon: Time,
     level_timing: UpdateTiming,
     vertical_timing: UpdateTiming,
-    /// When the biases of each axis last walked.
+    /// When the biases of each axis were last given their random walk.
     last_walk: [Time; 3],
 }
 
 impl Observer {
-    /// Starts on a level of some spread, and with a vertical velocity and a place of some variance;
-    /// `level_force_mps2` is the specific force felt there, body. What is believed of the parameters
-    /// comes by [`Self::believe`].
+    /// Starts with a tilt sigma and variances of the climb and of the position; `level_force_mps2` is the
+    /// specific force at that attitude, body. The prior of the parameters comes by [`Self::set_prior`].
     #[expect(
         clippy::inline_always,
         reason = "made where it stays: otherwise it is copied over the stack"
@@ -193,7 +191,7 @@ impl Observer {
         }
     }
 
-    /// Takes over what is believed of the parameters, before anything else.
+    /// Sets the prior of the parameters, before anything else.
     pub fn set_prior(&mut self, prior: &Parameters) {
         self.parameters = *prior;
         self.corrections.set_prior(&prior.sigma);
@@ -203,8 +201,8 @@ impl Observer {
         self.parameter_variance.tilt_rad.z = math::single(azimuth * azimuth);
     }
 
-    /// The accelerometers have levelled it, until they showed nothing: it leans by their biases,
-    /// `f x Phi + C b = 0`, with `C` from `body`.
+    /// After levelling by the accelerometers the tilt is correlated with their biases, `f x Phi + C b = 0`,
+    /// with `C` from `body`.
     pub fn correlate_level(&mut self, body: &Matrix3<f64>) {
         let accels = self.sensitivities.iter_mut().enumerate().skip(index::ACCEL);
         for ((which, sensitivity), bias) in accels.zip(body.column_iter()) {
@@ -216,8 +214,8 @@ impl Observer {
         }
     }
 
-    /// The gyros have turned it, until they showed no Earth rate to the east of `north_radps`: its azimuth error
-    /// has their biases in it, `w_N Phi_UP + (C b)_E = 0`.
+    /// After gyrocompassing to zero east rate, with `north_radps` of Earth rate, the azimuth error is
+    /// correlated with the gyro biases, `w_N Phi_UP + (C b)_E = 0`.
     pub fn correlate_gyrocompass(&mut self, body: &Matrix3<f64>, north_radps: f64) {
         let mut by = Row::zeros();
         for (by, bias) in by.iter_mut().skip(index::GYRO).zip(&body.row(0)) {
@@ -229,7 +227,7 @@ impl Observer {
         self.widen(index::AZIMUTH, azimuth - without * without);
     }
 
-    /// The moment it stands at.
+    /// Time of the estimates: that of the last measurement, which lags behind the INS.
     pub fn horizon(&self) -> Time {
         self.horizon
     }
@@ -239,12 +237,12 @@ impl Observer {
         [self.level.position(), self.vertical.position()]
     }
 
-    /// The error of the INS at the horizon.
+    /// Error of the INS at the horizon.
     pub fn error(&self) -> &InsError {
         &self.state.error
     }
 
-    /// What is known of the parameters.
+    /// Estimates of the parameters.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
     }
@@ -254,8 +252,8 @@ impl Observer {
         &self.level_force_mps2
     }
 
-    /// Makes azimuth and latency those of the horizon: the first of the pieces that end with a
-    /// solution. Time that passes between them is the next solution's.
+    /// Refers azimuth and latency to the horizon: the first of the steps that end with a solution. Time
+    /// that passes between the steps belongs to the next solution.
     #[inline(never)]
     pub fn refer_to_horizon(&mut self) {
         self.refer_to_now();
@@ -263,15 +261,15 @@ impl Observer {
         self.unsolved_s = 0.0;
     }
 
-    /// Lets the azimuth have walked, and looks whether it or the latency has jumped. Where it is `headed`,
-    /// agrees with measured headings, these are off by what seems to be a jump of the azimuth.
+    /// Adds the azimuth's random walk, and tests azimuth and latency for jumps. If measured headings agree
+    /// with the INS (`heading_aided`), a jump of the azimuth is taken for an offset of theirs as well.
     #[inline(never)]
-    pub fn add_azimuth_walk(&mut self, headed: bool, config: &Config) {
+    pub fn add_azimuth_walk(&mut self, heading_aided: bool, config: &Config) {
         let sigma = self.parameters.sigma(index::AZIMUTH);
         let (known, walked) = (sigma * sigma, self.azimuth_walk);
         self.add_walk(index::AZIMUTH, math::single(walked));
         self.azimuth_walk = 0.0;
-        // By a hole, or lost.
+        // By a gap in the data or a reset.
         if walked > known {
             self.widen(index::AZIMUTH, walked);
         }
@@ -288,14 +286,14 @@ impl Observer {
                 && !config.gives(*which)
             {
                 self.on_jump(*which, variance);
-                if *which == index::AZIMUTH && headed {
+                if *which == index::AZIMUTH && heading_aided {
                     self.heading_offset += math::single(variance);
                 }
             }
         }
     }
 
-    /// Lets the biases of one axis have walked, that of which they last did longest ago.
+    /// Adds the random walk of the biases of one axis, in turn.
     #[inline(never)]
     pub fn add_bias_walk(&mut self, config: &Config) {
         let walked = self.last_walk.iter_mut().enumerate();
@@ -330,7 +328,7 @@ impl Observer {
         }
     }
 
-    /// Makes azimuth and latency those of the horizon, where the other parameters have moved them.
+    /// Refers azimuth and latency to the horizon, as the other parameters have moved them.
     fn refer_to_now(&mut self) {
         let azimuth = Row::from_fn(|which, _| match self.sensitivities.get(which) {
             Some(sensitivity) if which != index::AZIMUTH => sensitivity.error.tilt_rad.z,
@@ -355,7 +353,7 @@ impl Observer {
         );
     }
 
-    /// Makes parameter `which` that of now, where it is greater by `by` times the later ones.
+    /// Replaces parameter `which` by itself plus `by` times the later ones.
     pub(super) fn redefine(&mut self, which: usize, by: &Row) {
         self.corrections.redefine(which, by);
         let Some(own) = self.sensitivities.get(which).copied() else {
@@ -368,10 +366,10 @@ impl Observer {
         }
     }
 
-    /// Lets a parameter have walked by a variance.
+    /// Adds a random-walk step of this variance to a parameter.
     ///
-    /// What the INS shows of it was caused by what it was before. That is what it is now less the
-    /// step, of which the least squares know a part: the rest is noise of the INS (Hsieh and Chen,
+    /// The INS error was caused by the parameter before the step, which is its present value less the step.
+    /// The least squares know part of the step; the rest is process noise of the INS (Hsieh and Chen,
     /// Optimal solution of the two-stage Kalman estimator, IEEE TAC 44, 1999).
     pub(super) fn add_walk(&mut self, which: usize, variance: f32) {
         if let (Some(step), Some(mut caused)) = (
@@ -394,7 +392,7 @@ impl Observer {
         }
     }
 
-    /// The INS may err by `error` more, times a number of this variance.
+    /// Adds `variance` times `error error'` to the covariance of the INS error.
     pub(super) fn add_along(&mut self, error: &ErrorState<f64>, variance: f64) {
         for axis in 0..2 {
             self.level.add_along(&error.states(axis), 0.5 * variance);
@@ -402,7 +400,7 @@ impl Observer {
         self.vertical.add_along(&error.states(2), variance);
     }
 
-    /// States a parameter with this variance more, before its turn has come.
+    /// Adds to the stated variance of a parameter at once, before its turn.
     pub(super) fn widen(&mut self, which: usize, variance: f64) {
         if which == index::AZIMUTH {
             self.parameter_variance.tilt_rad.z += math::single(variance);
@@ -410,7 +408,7 @@ impl Observer {
         self.parameters.widen(which, variance);
     }
 
-    /// Latency `seconds` before the horizon and its spread, s.
+    /// Latency `seconds` before the horizon and its sigma, s.
     pub fn latency_before(&self, seconds: f64) -> (f64, f64) {
         let drift = -math::single(seconds);
         let coefficients = row([(index::LATENCY, 1.0), (index::CLOCK_DRIFT, drift)]);
@@ -421,15 +419,14 @@ impl Observer {
         (value, math::sqrt(variance * inflation))
     }
 
-    /// Takes a measured azimuth error that is off by `residual` of what it should be; whether it is
-    /// credible.
+    /// Updates with a measured azimuth error, given its residual; whether it passed the gate.
     pub fn update_azimuth(&mut self, residual_rad: f64, sigma_rad: f64) -> bool {
         let by: [f32; COUNT] = core::array::from_fn(|which| {
             self.sensitivities
                 .get(which)
                 .map_or(0.0, |r| r.error.tilt_rad.z)
         });
-        // However many there are, they tell the azimuth no better than to this.
+        // Their common offset bounds what any number of them tell of the azimuth.
         let offset = math::max(f64::from(self.heading_offset), sigma_rad * sigma_rad);
         let own =
             f64::from(self.corrections.variance_of(by)) * self.inflation() + self.azimuth_walk;
@@ -446,12 +443,12 @@ impl Observer {
             [math::single(residual_rad)],
             [math::single(1.0 / (noise + self.azimuth_walk))],
         );
-        // The next one is compared with what this one shows.
+        // The next heading is compared with this solution.
         self.solve();
         true
     }
 
-    /// Adds a direct measurement of three parameters from `first` on, other than the azimuth.
+    /// Direct measurement of three parameters from `first` on, other than the azimuth.
     pub fn update_directly(&mut self, first: usize, value: &Vector3<f64>, variance: &Vector3<f64>) {
         let corrections = singles(&(value - self.parameters.vector(first)));
         self.corrections
@@ -459,7 +456,7 @@ impl Observer {
     }
 }
 
-/// A number for each of some parameters, zero for all others.
+/// A row with these elements, zero elsewhere.
 fn row<const N: usize>(of: [(usize, f32); N]) -> Row {
     let mut row = Row::zeros();
     for (which, number) in of {
@@ -470,7 +467,7 @@ fn row<const N: usize>(of: [(usize, f32); N]) -> Row {
     row
 }
 
-/// The responses to the parameters that are not known exactly.
+/// Sensitivities to the parameters that are estimated.
 fn estimated<'a>(
     sensitivities: &'a mut [ErrorState<f32>; COUNT],
     parameters: &LeastSquares<COUNT, PAIRS>,

@@ -1,22 +1,21 @@
-//! The level attitude of the mount, by which accelerometers and their scales are told apart.
+//! Level attitude of the mount, at which accelerometer biases are separate from scale errors.
 
 use super::{Observer, row};
 use crate::math::{self, singles};
 use crate::parameters::index;
 
-/// Time over which the level attitude of the mount is averaged at most, s: for some minutes a mount
-/// stays as it is.
+/// Longest averaging time of the level attitude, s: a mount stays for some minutes.
 const LEVEL_MEMORY_S: f64 = 600.0;
 
 impl Observer {
-    /// Makes the biases of the accelerometers those of the mean attitude so far, where their
-    /// scale errors have moved them: the first level was that of the biased accelerometers.
+    /// Refers the accelerometer biases to the mean attitude so far, by their scale errors: the first level
+    /// was that of the biased accelerometers.
     #[inline(never)]
     pub fn update_mount_level(&mut self) {
         self.level_averaged_s = math::min(self.level_averaged_s + self.elapsed_s, LEVEL_MEMORY_S);
         let part = math::min(self.elapsed_s / self.level_averaged_s, 1.0);
         let level = self.level_force_mps2 / self.gravity_mps2;
-        // The mean of directions is shorter than each, and gravity is not.
+        // A mean of unit vectors is shorter than one.
         let Some(mean) = level.lerp(&self.up, part).try_normalize(0.5) else {
             return;
         };

@@ -1,42 +1,40 @@
-//! How noisy the gyros are, from how far the tilt of the INS walks.
+//! Gyro noise, from the corrections of the tilt.
 //!
-//! Over some time the estimate of the tilt moves by its corrections. Their variances add up to
-//! what the measurements take away of its own: of the noise that came in meanwhile all but what is
-//! left. An estimate that moves farther follows an error that walks farther than is told. At the end
-//! of each such time one step of Fisher's scoring finds by how much.
+//! Over a window the corrections of the tilt should have the variance that the measurements remove: of the
+//! process noise added meanwhile all but what is left at the end. If they are larger, the tilt walks
+//! farther than assumed. Each window gives one step of Fisher's scoring.
 
 use nalgebra::Vector2;
 
 use crate::math;
 
-/// Time over which moves are added up, s: several times that which the channels need to follow a
-/// tilt, so that what they lag behind by matters little.
+/// Window, s: several times the response time of the channels, so that their lag matters little.
 const WINDOW_S: f64 = 30.0;
-/// Information about the logarithm of the variance: what is configured counts for some, a factor of
-/// three in the standard deviation being four sigmas; remembered is what makes it good to a fifth.
+/// Information about the logarithm of the variance: of the prior, so that a factor of three in the standard
+/// deviation is four sigmas; and the most remembered, good to a fifth.
 const PRIOR_INFORMATION: f64 = 3.0;
 const REMEMBERED: f64 = 20.0;
-/// Largest square of a move, in its variance, that counts: a knock is no noise.
+/// Bound on the normalized square of a correction: a knock is no noise.
 const LARGEST_SQUARE: f64 = 9.0;
 
-/// What has happened since the last look.
+/// Sums over the window so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Window {
     seconds: f64,
-    /// Variance that came in, and that measurements took away.
+    /// Process noise added, and variance removed by measurements.
     process_variance: f64,
     removed_variance: f64,
-    /// What the estimate has moved by, and the variance that each component should have.
+    /// Sum of the corrections, and its expected variance per component.
     correction: Vector2<f64>,
     expected_variance: f64,
 }
 
-/// Strength of the noise of the gyros.
+/// Strength of the gyro noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ProcessNoise {
-    /// Its variance against the configured one.
+    /// Variance over the configured one.
     pub ratio: f64,
     information: f64,
     window: Window,
@@ -52,32 +50,32 @@ impl ProcessNoise {
         }
     }
 
-    /// It has come in.
+    /// Process noise is added.
     pub fn add_noise(&mut self, seconds: f64, variance: f64) {
         self.window.seconds += seconds;
         self.window.process_variance += variance;
     }
 
-    /// An innovation of a variance per component has moved the estimate by a gain, and has taken
-    /// away some of its variance.
+    /// The tilt was corrected by an innovation of this variance per component; `taken` of its variance was
+    /// removed.
     pub fn corrected(&mut self, innovation: &Vector2<f64>, variance: f64, gain: f64, taken: f64) {
         self.window.correction += innovation * gain;
         self.window.expected_variance += variance * gain * gain;
         self.window.removed_variance += taken;
     }
 
-    /// Something else has moved it.
+    /// The tilt has been changed otherwise.
     pub fn restart(&mut self) {
         self.window = Window::default();
     }
 
-    /// Learns, when it is time to; `left` is the variance that is left of each component.
+    /// Adapts at the end of a window; `left` is the variance left per component.
     pub fn adapt(&mut self, left: f64, range: [f64; 2]) {
         let since = &self.window;
         if since.seconds < WINDOW_S || since.expected_variance <= 0.0 {
             return;
         }
-        // Of what came in, so much was taken: d(P - P')/dP of P' = 1 / (1 / P + information).
+        // Part of the process noise that was removed: `d(P - P')/dP` of `P' = 1 / (1 / P + information)`.
         let part = left / (left + since.removed_variance);
         let sensitivity = since.process_variance * (1.0 - part * part) / since.expected_variance;
         let square = since.correction.norm_squared() / (2.0 * since.expected_variance);

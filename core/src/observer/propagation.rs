@@ -1,4 +1,4 @@
-//! From one moment to the next: what the errors do, what a unit of each parameter does, and noise.
+//! Time update of error state, sensitivities and covariance.
 
 use nalgebra::Vector3;
 
@@ -15,16 +15,16 @@ use crate::parameters::index;
 use crate::time::Time;
 
 impl Observer {
-    /// The error of the INS after what has happened since the horizon, as estimated.
+    /// INS error propagated from the horizon over `since`.
     pub fn predicted_error(&self, since: &Span, accel_mps2: &Vector3<f64>) -> InsError {
         let forcing = Forcing::over(since, &self.level_force_mps2, &self.parameters, accel_mps2);
-        // The horizon is close: the frame stands still.
+        // The horizon is close: the frame's rotation is left out.
         let transition =
             Transition::over(since, &Vector3::zeros(), &forcing, &self.error().tilt_rad);
         self.state.error.propagated(since, &transition, &forcing)
     }
 
-    /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
+    /// Time update over a span that ends at `to`, in a frame that turns at `frame_rate`.
     #[inline(never)]
     pub fn propagate(
         &mut self,
@@ -90,7 +90,7 @@ impl Observer {
         self.horizon = to;
     }
 
-    /// Lets the channels grow by the noises, with the correlated ones of GNSS.
+    /// Time update of the channels' covariance.
     #[inline(never)]
     fn grow_variance(&mut self, span: &Span, level: [Markov; 2], up: [Markov; 2], config: &Config) {
         let s = &config.sensors;
@@ -112,7 +112,8 @@ impl Observer {
             gyro_noise: gyro_level,
         };
         self.level.propagate(&step, level);
-        // Gravity tells no height that is not known: a bias of the accelerometer would be shared with it.
+        // With an unknown height the gradient would make gravity share its error with an accelerometer
+        // bias.
         let known = self.vertical.position() < 0.25 * UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M;
         let gradient_per_s2 = if known { VERTICAL_PER_S2 } else { 0.0 };
         self.vertical.propagate(
@@ -128,9 +129,8 @@ impl Observer {
         self.add_manoeuvre_noise(span, config);
     }
 
-    /// Errors of scale and misalignment turn the platform as the vehicle turns and push it as the
-    /// vehicle is pushed. What has no parameter is noise: of an error that grows with the turn
-    /// itself, not with its square root.
+    /// Scale errors and misalignments of gyros and accelerometers, as far as they are no parameters, as
+    /// process noise: of errors proportional to the turn and not to its square root.
     fn add_manoeuvre_noise(&mut self, span: &Span, config: &Config) {
         let up = span.attitude_s.row(2).transpose() / span.seconds;
         let tipped = self.tilt_transient.grow(&(up - self.up), span.seconds);
@@ -143,7 +143,7 @@ impl Observer {
         let pull = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
         let pulled = self.velocity_transient.grow(&pull, span.seconds);
         self.level.add_variance(cross * pulled, 0.0);
-        // Level force on a tilted platform, as in a steep bank: the channels are otherwise apart.
+        // Level force on a tilted platform, as in a steep bank: otherwise the channels are independent.
         self.vertical
             .add_variance((2.0 * cross + self.level.tilt()) * pulled, 0.0);
     }

@@ -1,14 +1,13 @@
-//! What is off in proportion to a manoeuvre, and gone with it.
+//! Errors in proportion to a manoeuvre, which vanish with it.
 
 use nalgebra::Vector3;
 
 use crate::math::{self, singles};
 
-/// How long an error of scale or misalignment that a manoeuvre has caused is told from others, s:
-/// then the observer has taken it for a tilt.
+/// Time for which such an error of scale or misalignment is told from a tilt, s.
 const MANOEUVRE_S: f64 = 10.0;
 
-/// An error that grows with a vector and is gone when the vector is.
+/// Error in proportion to a vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TransientError {
@@ -18,8 +17,8 @@ pub struct TransientError {
 }
 
 impl TransientError {
-    /// By how much its square grows over a span that adds `change`, beyond what is accounted for:
-    /// swinging to and fro adds nothing.
+    /// Growth of its square over a span that adds `change`, beyond what is accounted for: oscillation adds
+    /// nothing.
     pub fn grow(&mut self, change: &Vector3<f64>, seconds: f64) -> f64 {
         let keep = math::single(1.0 / (1.0 + seconds / MANOEUVRE_S));
         self.vector = self.vector * keep + singles(change);

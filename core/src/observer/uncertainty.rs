@@ -1,4 +1,4 @@
-//! How well all is known.
+//! Sigmas of solution and parameters.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -13,20 +13,20 @@ use crate::measurement::Kind;
 use crate::parameters::{COUNT, index};
 use crate::solution::SolutionSigma;
 
-/// Gravity falls by this with height, `2 g / R`, 1/s^2.
+/// Gradient of gravity, `2 g / R`, 1/s^2.
 const GRADIENT_PER_S2: f64 = 3.1e-6;
 /// Components of the INS error.
 const COMPONENTS: usize = 9;
-/// Times what the smoothing was when it was learnt, at first prior sigmas of it unless it is known to be one,
-/// from which on it is another: beyond what chance makes of a receiver that does not smooth.
+/// Growth of the smoothing, over what it was linearized at, and at first over the prior sigma unless it is
+/// known, from which it is learnt anew: beyond chance in a receiver that does not smooth.
 const RELEARN_RATIO: f64 = 2.0;
 
 impl Observer {
-    /// Variance of the tilt that scale errors and misalignments of the gyros leave in turns about
-    /// the vertical, along each body axis, rad^2. Gyros that read `p` of such a turn in a level
-    /// direction tilt the platform by as much, and the level accelerometers seem biased by `-g p`:
-    /// turns never tell one from the other, so it is neither estimated nor forgotten. With scale
-    /// errors `s`, `p_k = u_k (s_k - sum s_j u_j^2)` on a unit whose up axis is `u`.
+    /// Variance of the tilt that scale errors and misalignments of the gyros leave in turns about the
+    /// vertical, along each body axis, rad^2. Gyros that read `p` of such a turn in a level direction tilt
+    /// the platform by as much, like level accelerometer biases of `-g p`: turns cannot separate the two,
+    /// so it is no parameter but always stated. With scale errors `s`, `p_k = u_k (s_k - sum s_j u_j^2)` on
+    /// a unit whose up axis is `u`.
     pub fn unobservable_tilt(&self, config: &Config) -> Vector3<f64> {
         let s = &config.sensors;
         let u2 = self
@@ -40,9 +40,9 @@ impl Observer {
         })
     }
 
-    /// What else the biases of the accelerometers may hold, as a variance along each body axis,
-    /// `(m/s^2)^2`: `g` times that tilt, the gravity of a height that is not known, and what misalignments
-    /// make of a force that was not that of the level attitude on the mean, as in turns to one side.
+    /// Unobservable part of the accelerometer biases, as a variance along each body axis, `(m/s^2)^2`: `g`
+    /// times that tilt, gravity at an unknown height, and misalignments times the mean excess force, as in
+    /// turns to one side.
     pub fn unobservable_accel(&self, config: &Config) -> Vector3<f64> {
         let tilted = GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
         let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
@@ -52,7 +52,7 @@ impl Observer {
         self.unobservable_tilt(config) * tilted + up.component_mul(&up) * lighter + across
     }
 
-    /// Spread of position, velocity and attitude, ENU, after what has happened since the horizon.
+    /// Sigmas of position, velocity and attitude, ENU, propagated from the horizon over `since`.
     pub fn sigma(&self, since: &Span, config: &Config) -> SolutionSigma {
         let unseen = 0.5 * self.unobservable_tilt(config).sum();
         let (level, up) = (&self.level, &self.vertical);
@@ -69,13 +69,13 @@ impl Observer {
         let lies = [level.position() * position, up.position() * height];
         let mut velocity_mps = sigma(moves[0], moves[1], &added.velocity_mps, climb);
         let mut position_m = sigma(lies[0], lies[1], &added.position_m, climb);
-        // A tilt pulls, and a velocity moves, the same way all the time; in an outage all by one cause.
+        // Errors since the horizon have one cause, and add up linearly in an outage.
         let pulled_mps = tilted_force_sigma(&since.force_mps, &attitude_rad);
         let grown =
             |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
         position_m += (velocity_mps + 0.5 * pulled_mps) * since.seconds;
         velocity_mps = velocity_mps.zip_map(&pulled_mps, grown);
-        // Either of the two is wrong.
+        // While fixes that agree are refused, either may be wrong.
         let [velocity, climb, position, height] =
             (self.innovations.each_ref()).map(|kind| kind.rejected_offset(self.horizon));
         let of = |own: [Vector2<f64>; 2], way: [Vector2<f64>; 2], kind: Kind| {
@@ -92,13 +92,12 @@ impl Observer {
         }
     }
 
-    /// Spread of roll and pitch, rad, with all parameters known.
+    /// Sigma of roll and pitch, rad, with all parameters known.
     pub fn tilt_sigma_rad(&self) -> f64 {
         math::sqrt(self.level.tilt())
     }
 
-    /// Brings one spread up to date, each in its turn: of the parameters, and of what they add to
-    /// the components of the INS error.
+    /// Updates one sigma in turn: of a parameter, or the parameters' part in a component of the INS error.
     #[inline(never)]
     pub fn update_next_sigma(&mut self, config: &Config) {
         let turn = usize::from(self.next_sigma);
@@ -110,7 +109,7 @@ impl Observer {
         } else {
             self.update_sigma(which, config);
         }
-        // To give something back is a piece of work of its own.
+        // Adding variance back is a step of its own.
         if self.reinflation.is_none() {
             self.next_sigma = if turn + 1 < 2 * COUNT {
                 self.next_sigma + 1
@@ -120,8 +119,8 @@ impl Observer {
         }
     }
 
-    /// The spread of a parameter, and whether it moves as that says. The azimuth moves with the
-    /// others, and walks as the gyros do.
+    /// Sigma of a parameter, and check of its consistency; not of the azimuth, which is corrected with the
+    /// others and walks like the gyros.
     fn update_sigma(&mut self, which: usize, config: &Config) {
         if which >= self.corrections.count() {
             return;
@@ -133,7 +132,7 @@ impl Observer {
         {
             let more = math::max(consistency.check(variance), relearn_variance);
             self.reinflation = (more > 0.0).then_some(more);
-            // From then on.
+            // Stated from now on.
             variance += self.reinflation.unwrap_or_default();
         }
         let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
@@ -141,9 +140,9 @@ impl Observer {
         self.parameters.set(which, value, sigma);
     }
 
-    /// Variance to be given back of smoothing and arm, once the receiver is found to smooth for longer than it
-    /// was thought to while they were learnt. What a swing shows of that bends: tangents of then hold the
-    /// smoothing where it was, and an arm swings in its place.
+    /// Variance given back to smoothing and arm once the smoothing is found to be much longer than where
+    /// their rows were linearized: the effect of a swing is not linear in it, and the old rows hold it
+    /// where it was, and let a wrong arm explain the swing.
     fn relearn_variance(&mut self, which: usize, gnss: &GnssConfig) -> f32 {
         match which {
             index::SMOOTHING => {
@@ -165,7 +164,7 @@ impl Observer {
         }
     }
 
-    /// What the spreads of the parameters add to the variance of one component.
+    /// Part of the parameters in the variance of one component.
     fn update_parameter_variance(&mut self, component: usize) {
         let by: [f32; COUNT] = core::array::from_fn(|which| {
             let sensitivity = self.sensitivities.get_mut(which);
@@ -178,8 +177,8 @@ impl Observer {
         }
     }
 
-    /// Factors by which colour that the model does not hold makes variances too small, of each kind: where
-    /// there are no velocities, positions hold the velocity, too.
+    /// Inflation of the variances by unmodelled correlation of innovations, per kind; without velocities
+    /// that of positions holds for the velocity, too.
     fn inflations(&self) -> [f64; 4] {
         let [velocity, climb, position, height] = &self.innovations;
         let learnt = |own: &Innovations, other: f64| {
@@ -198,14 +197,14 @@ impl Observer {
         ]
     }
 
-    /// That of what is level.
+    /// That of the level axes.
     pub(super) fn inflation(&self) -> f64 {
         let [level, ..] = self.inflations();
         level
     }
 
-    /// That of a parameter, and by what it moves more than it should: an accelerometer that points up is seen
-    /// in the vertical.
+    /// That of a parameter, times that of its consistency: an accelerometer that points up shows in the
+    /// vertical.
     pub(super) fn inflation_of(&self, which: usize) -> f64 {
         let own = self
             .consistency
@@ -218,7 +217,7 @@ impl Observer {
     }
 }
 
-/// Spread of the velocity that a force has made in directions of such a spread: of `f x Phi`.
+/// Sigma of `f x Phi`, the velocity error by tilts of such sigmas.
 fn tilted_force_sigma(force_mps: &Vector3<f64>, attitude_rad: &Vector3<f64>) -> Vector3<f64> {
     let square = |v: &Vector3<f64>| v.component_mul(v);
     let (force, attitude) = (square(force_mps), square(attitude_rad));

@@ -1,4 +1,4 @@
-//! What a fix shows of INS and parameters, and what both learn of it.
+//! Measurement update: the innovation of a fix, its partials, and what filter and noise model learn of it.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -12,24 +12,23 @@ use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
 use crate::parameters::{COUNT, index};
 
-/// What a unit of each parameter adds to `R` measured components.
+/// Jacobian of `R` measured components, a row for each parameter.
 type Partials<const R: usize> = [[f32; R]; COUNT];
 
-/// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
+/// Square of the jerk that aliasing of a swing of unit velocity variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
 const SWING_PER_S4: f64 = 6e4;
 
-/// Sigmas by which a receiver must smooth for what swings to be smoothed as a whole: with a smoothing that is
-/// none a swing that comes at another time than the latency says would be none, either.
+/// Sigmas by which the smoothing must differ from zero before the ring applies it in full: applied from the
+/// start, a swing that is out of phase by a wrong latency would hold it at zero.
 const SMOOTHING_SIGMAS: f64 = 3.0;
 
-/// Sigmas of the noise of a gyro, in its mean between two moments of the ring, within which a rate shows
-/// nothing: beyond, the noise of all three is a thirtieth of its square.
+/// Sigmas of gyro noise, in its mean between two entries of the ring, within which a rate shows no lever
+/// arm: beyond, the noise of all three is a thirtieth of its square.
 const NOISE_SIGMAS: f64 = 10.0;
 
 impl Observer {
-    /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
-    /// is taken.
+    /// Measurement update with a fix at the horizon, which must be within the ring; whether it was used.
     pub fn update(
         &mut self,
         past: &PastState,
@@ -47,7 +46,7 @@ impl Observer {
         }
     }
 
-    /// Learns from a fix what it is given result for.
+    /// Forms innovation, partials and measurement noise of one kind, and updates with them.
     #[inline(never)]
     fn form_innovation(
         &mut self,
@@ -78,7 +77,7 @@ impl Observer {
         }
     }
 
-    /// Takes the innovations of one kind, one for each of its axes.
+    /// Updates with the innovations of one kind, one for each of its axes.
     fn apply_innovation<const R: usize>(
         &mut self,
         kind: Kind,
@@ -104,7 +103,7 @@ impl Observer {
         let predicted = channel.predicted_variance(kind.measured());
         let components = if kind.is_up() { 1.0 } else { 2.0 };
         let pair = Vector2::from([0, 1].map(|axis| innovation.get(axis).copied().unwrap_or(0.0)));
-        // What the spread of the parameters adds is asked for only where it decides.
+        // The variance due to the parameters is only computed if the gate needs it.
         let mut variance = predicted;
         if !is_inlier(&pair, components * (predicted + white)) {
             variance += self.corrections.mean_variance(partials);
@@ -128,14 +127,14 @@ impl Observer {
             }
         }
         let GateResult::Accepted(white) = result else {
-            // Of the level they say something once they agree. The vertical a single knock tips; heights
-            // alone, and not for long, may also be wrong.
+            // A refused climb counts: one knock can upset the vertical. Level fixes count only once they
+            // agree, and heights alone may be wrong for a while.
             if result == GateResult::Rejected && kind == Kind::Climb {
                 nis.add(pair.norm_squared() / (variance + white), seconds);
             }
             return result;
         };
-        // Both level axes have the same covariance before and the same after.
+        // Both level axes have the same covariance.
         let tilt = channel.tilt();
         let gains = channel.update(kind.measured(), white);
         let total = predicted + white;
@@ -151,13 +150,13 @@ impl Observer {
             .add(partials, innovation.map(math::single), weights);
         let square = f64::from(added.square) / components;
         nis.add(square, seconds);
-        // Of something else's variance they say nothing.
+        // Barometer and vertical sign add a variance that is not the receiver's.
         if difference.extra_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
             let trusted = gnss.trust_stated_sigma;
             let range = if trusted { [1.0; 2] } else { gnss.noise_range };
             innovations.learn(square, noise / total, &sigmas, range);
-            // While the parameters themselves are uncertain it says little of the noise.
+            // Uncertain parameters hide the noise.
             if !trusted && f64::from(added.determinant) < 1.0 + components {
                 self.learn_noise(kind, &pair, components, total, config);
             }
@@ -176,8 +175,8 @@ impl Observer {
         result
     }
 
-    /// How many times noisier than described a comparison of a kind is, in variance, by what its fix states
-    /// and what was learnt; so is its correlated noise from now on.
+    /// Ratio of a measurement's noise to the configured one, in variance, by the stated sigma and by what
+    /// was learnt; scales the correlated noise from now on as well.
     #[inline(never)]
     fn noise_ratio(&mut self, kind: Kind, stated: Option<f64>, config: &Config) -> f64 {
         let gnss = &config.gnss;
@@ -189,8 +188,7 @@ impl Observer {
         ) else {
             return 1.0;
         };
-        // Of positions nothing else tells what lasts for longer than some minutes; of velocities
-        // the innovations tell all.
+        // Innovations do not show what lasts for minutes in positions, and show all of velocities.
         let is_position = kind.measured() == Measured::Position;
         let relative = match stated {
             Some(variance) if gnss.trust_stated_sigma || is_position => {
@@ -207,7 +205,7 @@ impl Observer {
         let [_, most] = gnss.noise_range;
         let expected = math::max(coloured.strength, most * most);
         coloured.scale(math::max(learnt, relative));
-        // A receiver that says it is worse than any is expected to be is so at once.
+        // A stated sigma beyond the expected range counts at once.
         if stated.is_some() {
             let worse = math::max(coloured.strength - expected, 0.0);
             let channel = if kind.is_up() {
@@ -220,8 +218,8 @@ impl Observer {
         learnt
     }
 
-    /// Learns how strong the correlated noise of a kind is: of heights from an innovation of so many
-    /// components and a variance of each, of the others from what is taken for it.
+    /// Learns the strength of the correlated noise of a kind: of heights by the likelihood of the
+    /// innovation, of the others from the estimated noise state.
     fn learn_noise(
         &mut self,
         kind: Kind,
@@ -263,9 +261,9 @@ impl Observer {
         );
     }
 
-    /// Variance per component of what is not linear in the parameters: of a latency in a motion that
-    /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
-    /// as they become known; what jolts hide between two moments of the ring stays.
+    /// Variance of the linearization error per component: latency squared in a jerk, latency times unknown
+    /// arm of a swinging antenna, latency times azimuth. It falls as these become known; motion too fast
+    /// for the ring stays.
     fn linearization_variance(&self, past: &PastState, kind: Kind, model: &ReceiverModel) -> f64 {
         let square = |x: f64| x * x;
         let p = &self.parameters;
@@ -278,7 +276,7 @@ impl Observer {
         let azimuth = square(p.sigma(index::AZIMUTH));
         let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
         let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
-        // Of what is too fast for the ring positions hardly show anything.
+        // Vibration hardly shows in positions.
         let (first, second, swing, unseen) = match kind.measured() {
             Measured::Velocity => (
                 &past.accel_mps2,
@@ -299,16 +297,16 @@ impl Observer {
         unseen + latency * (bent + swung + turned)
     }
 
-    /// What the third derivative adds: the times of an exponential of variance `s` have a third moment
-    /// of `2 s^1.5`, a sixth of which goes with it. In a turn that is a lateral velocity for as long as
-    /// the turn lasts, just as the bias of an accelerometer makes one: it counts once, and not with each
-    /// fix, and lies all in one direction.
+    /// Variance of the third-order term: delays distributed exponentially with variance `s` have a third
+    /// moment of `2 s^1.5`, a sixth of which is the coefficient. In a turn this is a constant lateral
+    /// velocity, like that of an accelerometer bias: it counts once per manoeuvre and not per fix, and lies
+    /// all in one direction.
     fn skew_variance(&self, past: &PastState, kind: Kind, model: &ReceiverModel) -> f64 {
         let smoothing_s2 = self.smoothing_s2();
         smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2(past, kind) + model.arm_snap2)
     }
 
-    /// What receiver and antenna add to INS minus GNSS.
+    /// Effect of receiver and antenna on INS minus GNSS, and its partials.
     fn receiver_model(
         &self,
         past: &PastState,
@@ -321,8 +319,9 @@ impl Observer {
             return ReceiverModel::default();
         }
         let arm_m = self.parameters.lever_arm();
-        // A platform held by GNSS leans as that errs, and gravity would be taken for a motion that goes
-        // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
+        // The platform leans with the GNSS noise of the past, and gravity would pass for acceleration
+        // correlated with the error to come: errors in variables, 2 sigmas of the latency of a slow
+        // vehicle.
         let (force_mps2, tilt) = (&past.accel_mps2, &self.state.error.tilt_rad);
         let up_mps2 = force_mps2.z + GRAVITY_EQUATOR_MPS2;
         let mut accel_mps2 = past.accel_mps2 + past.attitude_accel * arm_m;
@@ -366,10 +365,10 @@ impl Observer {
         }
     }
 
-    /// What a unit of each component of the arm takes from it, with the azimuth as the INS has it, and the
-    /// second derivative of that, of which a receiver that smooths shows a part. The platform leans as the
-    /// noise of GNSS has made it lean, and gyros at rest read noise, which drives the INS as well: either
-    /// would show an arm that is not there (errors in variables).
+    /// Partials by the lever arm, negative, with the azimuth of the INS, and their second derivative, of
+    /// which a smoothing receiver shows a part. The level tilt takes part, for it is correlated with GNSS
+    /// noise; and rates within gyro noise, which drives the INS as well, give none: either would bias the
+    /// arm (errors in variables).
     fn arm_rows(&self, past: &PastState, measured: Measured, config: &Config) -> [Matrix3<f64>; 2] {
         let seen = match measured {
             Measured::Velocity => {
@@ -387,10 +386,10 @@ impl Observer {
         seen.map(|seen| seen + level.cross_matrix() * seen)
     }
 
-    /// What a swing tells of a latency, of what its derivative would: it is too fast for a tangent where its
-    /// phase may be anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps
-    /// `exp(-w^2 s^2 / 2)` of its derivative, level and vertical each at a frequency of its own; and a receiver
-    /// that smooths shows no more of that than of the swing.
+    /// Describing-function gain of the latency partial: a swing whose phase is uncertain by the latency's
+    /// sigma `s` is too fast for a tangent. By statistical linearization (Gelb and Vander Velde, 1968) a
+    /// sine keeps `exp(-w^2 s^2 / 2)` of its derivative, with `w` of level and vertical apart; a smoothing
+    /// receiver attenuates it like the swing itself.
     fn latency_gain(&self, past: &PastState, kind: Kind, first: &Vector3<f64>) -> f64 {
         let sigma_s = self.parameters.sigma(index::LATENCY);
         let rate2 = math::sqrt(third2(past, kind) / (square_of(first, kind) + 1e-9));
@@ -398,8 +397,8 @@ impl Observer {
         math::decayed(0.5 * sigma_s * sigma_s * rate2) / shown
     }
 
-    /// What the second derivative of a swing tells of a smoothing that may be so long: at most all of the
-    /// swing is smoothed away. Of one that is known the ring has the whole.
+    /// The same gain of the smoothing partial: no more than all of a swing can be smoothed away. Of a known
+    /// smoothing the ring has the exact derivative.
     fn smoothing_gain(&self, past: &PastState) -> f64 {
         if past.smoothed {
             return 1.0;
@@ -410,7 +409,7 @@ impl Observer {
         math::decayed(0.5 * math::sqrt((smoothing_s2 * smoothing_s2 + sigma * sigma) * rate4))
     }
 
-    /// INS minus GNSS as the parameters would have it.
+    /// INS minus GNSS as predicted.
     fn predict(
         &self,
         model: &ReceiverModel,
@@ -424,7 +423,7 @@ impl Observer {
         self.state.measurement(measured) + late + model.delay_part + smoothed + model.arm_part
     }
 
-    /// What a unit of each parameter more would add to that, of the axes that `of` gives.
+    /// Its partials by each parameter, of the axes that `of` selects.
     fn partials<const R: usize>(
         &self,
         model: &ReceiverModel,
@@ -443,7 +442,7 @@ impl Observer {
                 }
             }
         };
-        // What swings on the arm shows where the INS points.
+        // A swinging antenna shows the azimuth.
         add(index::AZIMUTH, &singles(&model.by_azimuth));
         let by_latency = singles(&model.by_latency);
         add(index::LATENCY, &by_latency);
@@ -460,7 +459,7 @@ impl Observer {
         partials
     }
 
-    /// For how long the receiver is known to smooth, s; zero if it is not known to.
+    /// Time constant of a receiver that is known to smooth, s; else zero.
     pub fn smoothing_time_s(&self) -> f64 {
         let smoothing_s2 = self.smoothing_s2();
         if smoothing_s2 > SMOOTHING_SIGMAS * self.parameters.sigma(index::SMOOTHING) {
@@ -470,12 +469,12 @@ impl Observer {
         }
     }
 
-    /// Variance of the times that one output of the receiver is a mean of, s^2.
+    /// Variance of the delays over which one output of the receiver averages, s^2.
     pub fn smoothing_s2(&self) -> f64 {
         math::max(self.parameters.value(index::SMOOTHING), 0.0)
     }
 
-    /// What is assumed of the noise of GNSS velocity, as strong as configured.
+    /// Assumed noise of GNSS velocity, with the white part as configured.
     pub fn velocity_noise(&self, config: &Config) -> Noise {
         let [velocity, ..] = &self.coloured_noise;
         let noise = config.gnss.velocity_mps;
@@ -486,29 +485,27 @@ impl Observer {
     }
 }
 
-/// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it.
+/// Partials of INS minus GNSS by latency and smoothing, and, with opposite sign, by the lever arm.
 #[derive(Default)]
 struct ReceiverModel {
     arm_m: Vector3<f64>,
-    /// With the antenna on such an arm `l`: by `C l` it is away from the sensors, and by the derivatives
-    /// of that it moves otherwise. What swings on an arm of metres is felt in these more than in what the
-    /// sensors do.
+    /// Velocity or acceleration of the antenna at `C l`, with the derivatives of that: of a mast they are
+    /// most of it.
     by_latency: Vector3<f64>,
-    /// Whether it is a position that may be later than the latency by a delay of its own, which shows
-    /// as the latency does, and what that delay as it is adds.
+    /// Whether a position has a delay of its own beyond the latency, and its effect as estimated.
     has_delay: bool,
     delay_part: Vector3<f64>,
-    /// A mean over times of variance `s` lies by `s / 2` times the second derivative off.
+    /// A mean over delays of variance `s` differs by `s / 2` times the second derivative.
     by_smoothing: Vector3<f64>,
     by_lever_arm: Matrix3<f64>,
-    /// By the arm as it is, where it points and not where the INS has it, and by a unit of azimuth.
+    /// Effect of the arm as estimated and with the azimuth corrected, and partials by azimuth.
     arm_part: Vector3<f64>,
     by_azimuth: Vector3<f64>,
-    /// Square of the third derivative of an arm that swings, as fast as its jerk shows, (m/s^4)^2.
+    /// Squared third derivative of a swinging arm, by the frequency that its jerk shows, (m/s^4)^2.
     arm_snap2: f64,
 }
 
-/// Square of the third derivative of what a kind measures.
+/// Squared third derivative of the measured quantity.
 fn third2(past: &PastState, kind: Kind) -> f64 {
     let third = match kind.measured() {
         Measured::Velocity => &past.snap_mps4,
@@ -517,7 +514,7 @@ fn third2(past: &PastState, kind: Kind) -> f64 {
     square_of(third, kind)
 }
 
-/// Square of the components that a kind measures.
+/// Squared norm of the components that a kind measures.
 fn square_of(vector: &Vector3<f64>, kind: Kind) -> f64 {
     if kind.is_up() {
         vector.z * vector.z
@@ -526,8 +523,8 @@ fn square_of(vector: &Vector3<f64>, kind: Kind) -> f64 {
     }
 }
 
-/// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
-/// they show in the fixes as well, and would be taken for smoothing.
+/// Part of the jerk that is the vehicle's and no aliasing, which the fixes show as well: it would pass for
+/// smoothing.
 fn vehicle_share(past: &PastState, jerk_mps3: &Vector3<f64>) -> f64 {
     let jerk = jerk_mps3.norm_squared();
     jerk / (jerk + SWING_PER_S4 * past.unresolved_velocity + 1e-9)

@@ -1,21 +1,21 @@
-//! How often measurements come.
+//! Intervals of the measurement updates.
 
 use crate::innovations::MANOEUVRE_S;
 use crate::math;
 use crate::time::Time;
 
-/// Measurements no further apart are of one moment, s.
+/// Measurements no further apart belong to one update, s.
 const ONE_MOMENT_S: f64 = 1e-3;
 
-/// How often level or vertical measurements come.
+/// Interval of level or vertical updates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct UpdateTiming {
     last: Time,
-    /// Since the measurement before, which may be of the same moment, but no more than twice what lay between
-    /// those before.
+    /// Time since the measurement before, of the same update perhaps, and bounded by twice the interval
+    /// before.
     pub seconds: f64,
-    /// How many moments like the last an ordinary manoeuvre has.
+    /// Updates at this interval within an ordinary manoeuvre.
     pub per_manoeuvre: f64,
 }
 
@@ -29,7 +29,7 @@ impl UpdateTiming {
         }
     }
 
-    /// One comes: after an outage it says as little of the time without as any other.
+    /// A measurement comes: after an outage it tells as little of that time as any other.
     pub fn step(&mut self, now: Time) {
         let since_s = now.seconds_since(self.last);
         self.last = now;
