@@ -1,4 +1,4 @@
-//! What is known of a unit, to be kept from one run to the next.
+//! Calibration of a unit, to be kept from one run to the next.
 
 use nalgebra::Vector3;
 
@@ -6,10 +6,10 @@ use crate::config::{Config, ConfigError, finite};
 use crate::math;
 use crate::parameters::{Parameters, index};
 
-/// Least part of a configured spread that is left of it: single precision holds no less, and nothing is
+/// Least part of a configured sigma that a kept one may be: single precision holds no less, and nothing is
 /// known a million times better than its data sheet.
 const LEAST: f64 = 1e-6;
-/// Time for which clocks may have drifted apart before the unit was switched off, s.
+/// Assumed time of clock drift before the unit was switched off, s.
 pub(crate) const RUN_S: f64 = 3600.0;
 
 /// A value and one standard deviation of it.
@@ -23,8 +23,8 @@ pub struct Known {
     pub sigma: f64,
 }
 
-/// Values and spreads of all that is estimated but the azimuth; body axes right-forward-up, signs
-/// as in [`Estimates`](crate::Estimates).
+/// Values and sigmas of all parameters but the azimuth; body axes right-forward-up, signs as in
+/// [`Estimates`](crate::Estimates).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -39,11 +39,11 @@ pub struct Calibration {
     pub turn_scale: Known,
     /// Scale errors of the gyros in all other turns, 1.
     pub gyro_scale: [Known; 3],
-    /// Misalignments of the gyros: what they make of all other turns about the vertical, rad.
+    /// Misalignments of the gyros: the part of all other turns that they sense about the vertical, rad.
     pub gyro_misalignment_rad: [Known; 3],
     /// GNSS latency, s.
     pub gnss_latency_s: Known,
-    /// By how much positions are later than the velocities beside them, s.
+    /// Delay of positions beyond that of the velocities beside them, s.
     pub gnss_position_delay_s: Known,
     /// Growth of the latency, s/s.
     pub clock_drift: Known,
@@ -93,9 +93,9 @@ impl Calibration {
         calibration
     }
 
-    /// The same, for a unit that has been switched off and on: its biases are others now by what
-    /// the data sheet calls run-to-run (turn-on) repeatability, rad/s and m/s^2. Clocks that drift
-    /// apart begin anew as well: the latency is another by what they do in an hour.
+    /// The same, for a unit that has been switched off and on: its biases have changed by what the data
+    /// sheet calls run-to-run (turn-on) repeatability, rad/s and m/s^2. Drifting clocks start anew as well:
+    /// the latency has changed by their drift in an hour.
     #[must_use]
     pub fn after_turn_on(mut self, gyro_radps: f64, accel_mps2: f64) -> Self {
         let widen = |known: &mut Known, by: f64| {
@@ -115,7 +115,7 @@ impl Calibration {
         self
     }
 
-    /// What a run begins with: at most as unsure as the configuration.
+    /// Prior of a run: no sigma is above the configured one.
     pub(crate) fn prior(mut self, config: &Config) -> Result<Parameters, ConfigError> {
         let mut parameters = config.prior();
         if !math::all_finite(&self.level_force_mps2) {
@@ -128,11 +128,11 @@ impl Calibration {
                 }
                 let prior = parameters.sigma(which);
                 // What is not estimated, or given, is as configured.
-                let sought = prior > 0.0 && !config.gives(which);
+                let sought = prior > 0.0 && !config.is_given(which);
                 if known.sigma < 0.0 {
                     return Err(ConfigError::Negative("calibration"));
                 }
-                // What was not estimated has none.
+                // Parameters that were not estimated have none.
                 if sought && known.sigma > 0.0 {
                     let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
                     parameters.set(which, known.value, sigma);
@@ -143,8 +143,7 @@ impl Calibration {
     }
 }
 
-/// The accelerometer biases at another level attitude, where what is known of them was found at
-/// `from`: their scale errors make the difference.
+/// Refers the accelerometer biases from one level attitude to another, by their scale errors.
 pub(crate) fn at_level(known: &mut Parameters, from: &Vector3<f64>, to: &Vector3<f64>) {
     for (axis, step) in (to - from).iter().enumerate() {
         let (bias, scale) = (index::ACCEL + axis, index::ACCEL_SCALE + axis);

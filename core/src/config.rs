@@ -1,4 +1,4 @@
-//! Everything the user sets. Plain data; the navigator checks it once, in [`Navigator::new`].
+//! Everything the user sets. Plain data, checked once, in [`Navigator::new`].
 //!
 //! [`Navigator::new`]: crate::Navigator::new
 
@@ -36,7 +36,7 @@ pub struct DampingConfig {
     pub azimuth_radps: f64,
 }
 
-/// What the inertial sensors are, one sigma.
+/// Errors of the inertial sensors, one sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -57,17 +57,16 @@ pub struct SensorConfig {
     pub accel_bias_walk: f64,
     /// Scale-factor error of the accelerometers, 1.
     pub accel_scale: f64,
-    /// What a gyro, and an accelerometer, shows of the other axes, 1: noise of manoeuvres, and of the
-    /// gyros a parameter.
+    /// Cross-axis sensitivity of gyros and accelerometers, 1: process noise of manoeuvres, and of the gyros
+    /// a parameter.
     pub cross_axis: f64,
-    /// Angle between the axes of a sensor and the right one, rad, if it matters: in manoeuvres it
-    /// adds to `cross_axis`. Level accelerometer biases are
-    /// then no better known than to g times that: a turn about the vertical cannot tell them from
-    /// gyros that stand askew. With zero they are what level accelerometers and gyros together
+    /// Misalignment of the sensor axes, rad, if it matters: in manoeuvres it adds to `cross_axis`. Level
+    /// accelerometer biases are then no better known than to g times that: a turn about the vertical cannot
+    /// tell them from misaligned gyros. With zero they are what level accelerometers and gyros together
     /// show, which is what a compensation needs.
     pub misalignment_rad: f64,
-    /// Least and greatest factor by which `gyro_noise` may turn out wrong: it is found in motion, all
-    /// axes together. Ones: nothing is learnt.
+    /// Least and greatest ratio of the true `gyro_noise` to the configured one: it is adapted in motion,
+    /// all axes together. Ones: not adapted.
     pub noise_range: [f64; 2],
     /// Largest credible angular rate on one axis, rad/s.
     pub gyro_range_radps: f64,
@@ -91,7 +90,7 @@ fn root_mean_square([x, y, z]: &[f64; 3]) -> f64 {
     math::sqrt((x * x + y * y + z * z) / 3.0)
 }
 
-/// Noise of one thing that GNSS measures: a white part, and one that is correlated over time.
+/// Noise of a GNSS measurement: a white part, and a correlated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -120,7 +119,7 @@ impl Noise {
     }
 }
 
-/// What the GNSS receiver is.
+/// The GNSS receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -129,35 +128,35 @@ pub struct GnssConfig {
     pub velocity_mps: Noise,
     /// Noise of the vertical velocity, m/s.
     pub velocity_up_mps: Noise,
-    /// Noise of the position east and north, m. Beside velocities two positions a second are used;
-    /// all of them where neither this nor the noise of the height has a correlated part.
+    /// Noise of the position east and north, m. Beside velocities two positions a second are used; all of
+    /// them where neither this nor the noise of the height has a correlated part.
     pub position_m: Noise,
     /// Noise of the height, m.
     pub height_m: Noise,
-    /// Least and greatest factor by which these standard deviations may turn out wrong; and the correlation
-    /// time of heights, greatest only, where no vertical velocities are given.
+    /// Least and greatest ratio of the true standard deviations to these; and greatest ratio of the
+    /// correlation time of heights, where no vertical velocities are given.
     pub noise_range: [f64; 2],
-    /// Whether the sigma that a fix states is to be believed as it stands, within that range, and nothing
-    /// learnt but whether what follows each other is alike. Else its changes are.
+    /// Whether the sigma that a fix states is used as it is, within that range, and only the correlation of
+    /// successive innovations is learnt. Else only its changes are used.
     pub trust_stated_sigma: bool,
-    /// Spread of the unknown latency, s.
+    /// Sigma of the unknown latency, s.
     pub latency_sigma_s: f64,
-    /// Spread of by how much positions are later than the velocities beside them, s: a receiver that
-    /// filters one and not the other, or makes velocities of positions, delays them apart. Zero: not.
+    /// Sigma of the delay of positions beyond that of the velocities beside them, s: a receiver that
+    /// filters only one of them, or makes velocities of positions, has one. Zero: none.
     pub position_delay_sigma_s: f64,
-    /// Spread of the rate of the inertial clock against GNSS time, s/s; zero where both are
-    /// stamped by one clock.
+    /// Sigma of the rate of the inertial clock against GNSS time, s/s; zero where both are stamped by one
+    /// clock.
     pub clock_drift_sigma: f64,
-    /// Where the antenna is, right, forward and up of the sensors, m.
+    /// Lever arm: antenna right, forward and up of the sensors, m.
     pub lever_arm_m: [f64; 3],
-    /// How well that is known per axis, m; zero: exactly.
+    /// Its sigma per axis, m; zero: known exactly.
     pub lever_arm_sigma_m: f64,
-    /// Spread of the receiver's own smoothing, s^2: variance of the times that one output is a
-    /// mean of. A mean over 0.5 s has 0.02.
+    /// Prior sigma of the receiver's smoothing, s^2: the variance of the delays that one output averages. A
+    /// mean over 0.5 s has 0.02.
     pub smoothing_s2: f64,
 }
 
-/// Where the first heading comes from.
+/// Source of the first heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -165,14 +164,14 @@ pub enum HeadingSource {
     /// Gyrocompassing at rest if the gyros resolve Earth rate, else from motion.
     #[default]
     Auto,
-    /// Known heading at the first sample, rad, true to some degrees; turns before the end of levelling are
-    /// followed, as well as the gyros can.
+    /// Known heading at the first sample, rad, to some degrees; turns before the end of levelling are
+    /// followed by the gyros.
     Given(f64),
-    /// From GNSS velocity in motion, whatever the gyros can do.
+    /// From GNSS velocity in motion, however good the gyros are.
     Motion,
 }
 
-/// Which form of the compensation estimators runs.
+/// Form of the compensation estimators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -185,17 +184,17 @@ pub enum Form {
     Literal,
 }
 
-/// What is done with the estimates.
+/// Use of the estimates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Feedback {
-    /// Taken out as they become known: of gyros from the beginning, of accelerometers once their spread is half
-    /// of what was believed, and of the stamps of fixes at once.
+    /// Taken out as they become known: of gyros from the beginning, of accelerometers once their sigma is
+    /// half of the prior one, and of the stamps of fixes at once.
     #[default]
     Closed,
-    /// Reported only. The INS turns away by what its gyros are off; a radian off, it is aligned anew: with
-    /// 0.5 deg/s after two minutes.
+    /// Reported only. The INS drifts by its gyro errors; at an azimuth error of a radian it is aligned
+    /// anew: with 0.5 deg/s after two minutes.
     Open,
 }
 
@@ -231,7 +230,7 @@ impl core::fmt::Display for ConfigError {
 
 impl core::error::Error for ConfigError {}
 
-/// More than any of these is in SI units; single precision holds its square.
+/// Above any value in SI units; single precision holds its square.
 const LARGEST: f64 = 1e15;
 
 fn positive(value: f64, name: &'static str) -> Result<(), ConfigError> {
@@ -300,7 +299,7 @@ impl SensorConfig {
         positive(self.accel_range_mps2, "sensors.accel_range_mps2")
     }
 
-    /// Of what a sensor shows of another axis, 1.
+    /// Variance of the total cross-axis sensitivity, 1.
     pub(crate) fn cross_axis_variance(&self) -> f64 {
         self.cross_axis * self.cross_axis + self.misalignment_rad * self.misalignment_rad
     }
@@ -326,18 +325,18 @@ impl GnssConfig {
 
 /// Configuration of a [`Navigator`](crate::Navigator).
 ///
-/// A spread of zero says that something is known exactly. Of smoothing, delay of positions, clock
-/// drift, lever arm, scale errors of accelerometers and of gyros, and misalignments, in this order,
-/// those after the last that is not zero are not estimated, and cost nothing.
+/// A sigma of zero means that a parameter is known exactly. Of smoothing, delay of positions, clock drift,
+/// lever arm, scale errors of accelerometers and of gyros, and misalignments, in this order, those after
+/// the last that is not zero are not estimated, and cost nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
-    /// What an inertial sample holds.
+    /// Content of an inertial sample.
     pub imu_output: ImuOutput,
     /// First heading.
     pub heading: HeadingSource,
-    /// Loops.
+    /// Damping loops.
     pub damping: DampingConfig,
     /// Inertial sensors.
     pub sensors: SensorConfig,
@@ -347,16 +346,15 @@ pub struct Config {
     pub form: Form,
     /// Use of the estimates.
     pub feedback: Feedback,
-    /// Longest hole between inertial samples that is bridged, s.
+    /// Longest gap between inertial samples that is bridged, s.
     pub max_gap_s: f64,
-    /// Vertical velocity that the vehicle does not keep up for long, one sigma, m/s: it is all that
-    /// holds the vertical channel where fixes have neither height nor vertical velocity, and begins it where
-    /// no fix has told the climb of a vehicle in motion.
+    /// Sigma of the vertical velocity over long times, m/s: its only aiding where fixes have neither height
+    /// nor vertical velocity, and its prior where no fix has measured the climb of a vehicle in motion.
     pub climb_sigma_mps: f64,
 }
 
 impl Config {
-    /// What is believed of the parameters before any data.
+    /// Prior of the parameters.
     #[inline(never)]
     pub(crate) fn prior(&self) -> Parameters {
         let mut prior = Parameters {
@@ -369,12 +367,12 @@ impl Config {
         prior
     }
 
-    /// The spreads of that.
+    /// Its sigmas.
     #[inline(never)]
     pub(crate) fn prior_sigma(&self) -> SVector<f32, COUNT> {
         let mut prior = SVector::<f32, COUNT>::zeros();
         let mut needed = false;
-        for (first, count, sigma, least) in self.spreads().into_iter().rev() {
+        for (first, count, sigma, least) in self.parameter_groups().into_iter().rev() {
             // Those before the last that is not known exactly are estimated with it.
             needed |= sigma > 0.0 || first <= index::ACCEL;
             if needed {
@@ -386,20 +384,20 @@ impl Config {
         prior
     }
 
-    /// Whether a parameter is given, and not to be found.
-    pub(crate) fn gives(&self, parameter: usize) -> bool {
+    /// Whether a parameter is given, and not estimated.
+    pub(crate) fn is_given(&self, parameter: usize) -> bool {
         let of = |(first, count, sigma, _): &(usize, usize, f64, f64)| {
             (*first..first + count).contains(&parameter) && *sigma <= 0.0
         };
-        self.spreads().iter().any(of)
+        self.parameter_groups().iter().any(of)
     }
 
-    /// First of each group of parameters, how many there are, their spread, and the least of one that is
-    /// estimated: zero would make the equations infinite.
-    fn spreads(&self) -> [(usize, usize, f64, f64); 11] {
+    /// First parameter of each group, their number, sigma, and least sigma if estimated: zero would make
+    /// the weights infinite.
+    fn parameter_groups(&self) -> [(usize, usize, f64, f64); 11] {
         let s = &self.sensors;
         let g = &self.gnss;
-        let askew = math::sqrt(s.cross_axis_variance());
+        let misalignment = math::sqrt(s.cross_axis_variance());
         [
             (index::AZIMUTH, 1, 1.0, 1.0),
             (index::LATENCY, 1, g.latency_sigma_s, 1e-6),
@@ -411,11 +409,11 @@ impl Config {
             (index::LEVER_ARM, 3, g.lever_arm_sigma_m, 1e-4),
             (index::ACCEL_SCALE, 3, s.accel_scale, 1e-7),
             (index::TURN_SCALE, 4, s.gyro_scale, 1e-7),
-            (index::GYRO_MISALIGNMENT, 3, askew, 1e-7),
+            (index::GYRO_MISALIGNMENT, 3, misalignment, 1e-7),
         ]
     }
 
-    /// Says which value cannot be used.
+    /// Names the value that cannot be used.
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
         self.damping.check()?;
         self.sensors.check()?;
@@ -431,14 +429,14 @@ impl Config {
     /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h); scale factors
     /// calibrated.
     pub fn hg1700() -> Self {
-        // The correlated part is found: little to begin with, for it shows soon where it is more.
+        // The correlated part is learnt: little at first, for more of it shows soon.
         let velocity_mps = Noise {
             white: 0.1,
             correlated: 0.02,
             correlation_s: 3.0,
         };
-        // Of positions it shows late, over minutes: with little to begin with, what drifts slowly is
-        // taken for the truth.
+        // Of positions it shows late, over minutes: with little at first, slow drift would be taken for
+        // motion.
         let wandering = |sigma| Noise {
             white: sigma,
             correlated: sigma,

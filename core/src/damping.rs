@@ -1,4 +1,4 @@
-//! Damping loops: how GNSS differences act on the INS.
+//! Damping loops: controls of the INS by GNSS differences.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -8,11 +8,11 @@ use crate::math;
 use crate::mechanization::Controls;
 use crate::time::Time;
 
-/// Largest product of a loop's bandwidth and its lag: fixes show the past, and controls are held from
-/// fix to fix; beyond this the lag eats the damping.
+/// Largest product of a loop's bandwidth and its lag: fixes show the past, and controls are held from fix
+/// to fix; beyond this the lag destabilizes the loop.
 const LAGGED_BANDWIDTH: f64 = 0.5;
 
-/// The last fix that was compared, and what acts on the INS now.
+/// The last comparison with a fix, and the present controls.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -27,7 +27,7 @@ pub struct DampingSignals {
     pub rate_enu_radps: Vector3<f64>,
 }
 
-/// INS minus GNSS at one moment, ENU.
+/// INS minus GNSS at one time, ENU.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Differences {
     /// dV, m/s; None where the fix has no such component.
@@ -42,8 +42,8 @@ pub struct Differences {
     pub azimuth_rad: Option<f64>,
 }
 
-/// Coefficients of `s^2 + 2 zeta w0 s + w0^2`, slowed down where fixes are rare or late: the first is a
-/// rate, too.
+/// Coefficients of `s^2 + 2 zeta w0 s + w0^2`, with a lower bandwidth where fixes are rare or late; the
+/// first is a rate as well.
 fn second_order(loop_config: &SecondOrder, lag_s: f64) -> (f64, f64) {
     let fastest = LAGGED_BANDWIDTH / lag_s;
     let w0 = math::min(loop_config.bandwidth_radps, fastest);
@@ -51,12 +51,11 @@ fn second_order(loop_config: &SecondOrder, lag_s: f64) -> (f64, f64) {
     (2.0 * math::min(damping, fastest), w0 * w0)
 }
 
-/// The controls that hold until the next fix; `lag_s` is how long until then since the moment that
-/// this one shows.
+/// Controls until the next fix; `lag_s` is the time from that of this fix until then.
 ///
 /// Horizontal: `f^C = -K1 dV`, `w_E^C = -K2 dV_N`, `w_N^C = K2 dV_E`, with `K1 = 2 zeta w0` and
-/// `K2 = w0^2 / g`. Vertical: `V_UP^C = -C1 dh`, `f_UP^C = -C2 dh`; where vertical velocity is
-/// measured it takes the damping over from C1. Azimuth: `w_UP^C = -K3 Phi_UP`.
+/// `K2 = w0^2 / g`. Vertical: `V_UP^C = -C1 dh`, `f_UP^C = -C2 dh`; a measured vertical velocity provides
+/// the damping instead of C1. Azimuth: `w_UP^C = -K3 Phi_UP`.
 pub fn controls(differences: &Differences, lag_s: f64, config: &DampingConfig) -> Controls {
     let mut controls = Controls::default();
     let slow = |rate: f64| math::min(rate, LAGGED_BANDWIDTH / lag_s);

@@ -108,7 +108,7 @@ pub struct Forcing {
     /// Velocity, m/s.
     push_mps: Vector3<f64>,
     /// Compensated part of the velocity, which the span has among its controls, m/s.
-    taken_out_mps: Vector3<f64>,
+    compensated_mps: Vector3<f64>,
 }
 
 impl Forcing {
@@ -122,7 +122,7 @@ impl Forcing {
         let mut forcing = Self {
             drift_rad: Vector3::zeros(),
             push_mps: Vector3::zeros(),
-            taken_out_mps: span.attitude_s * accel_mps2,
+            compensated_mps: span.attitude_s * accel_mps2,
         };
         for_each_input(span, level_force_mps2, |which, input| match input {
             Input::Tilt(by) => forcing.drift_rad += by * parameters.value(which),
@@ -142,7 +142,7 @@ impl Transition {
     ) -> Self {
         let platform_rad = span.control_tilt_rad + forcing.drift_rad;
         let azimuth = rotation(tilt_rad.z);
-        let push_mps = forcing.push_mps - forcing.taken_out_mps;
+        let push_mps = forcing.push_mps - forcing.compensated_mps;
         let push_m = push_mps * (0.5 * span.seconds);
         Self {
             seconds: span.seconds,
@@ -263,12 +263,12 @@ impl InsError {
         let azimuth = self.tilt_rad - level;
         let longer = 0.5 * level.cross(&span.force_mps.cross(&level));
         let turned = |force: &Vector3<f64>| force - about_up(force, transition.azimuth);
-        let taken_out_mps = turned(&forcing.taken_out_mps);
+        let compensated_mps = turned(&forcing.compensated_mps);
         error.velocity_mps +=
-            about_up(&longer, transition.azimuth) + turned(&span.force_mps) + taken_out_mps
+            about_up(&longer, transition.azimuth) + turned(&span.force_mps) + compensated_mps
                 - transition.to_velocity.apply(&azimuth);
         error.position_m += turned(&span.force_position_m)
-            + taken_out_mps * (0.5 * transition.seconds)
+            + compensated_mps * (0.5 * transition.seconds)
             - transition.to_position.apply(&azimuth);
         // A control tilt turns with the platform for half of the span on average.
         let platform_rad = span.control_tilt_rad + forcing.drift_rad;

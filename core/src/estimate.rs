@@ -1,4 +1,4 @@
-//! What comes out of the estimators: a value, its spread, and whether it means anything yet.
+//! Results of the estimators: a value, its sigma, and whether it is observable yet.
 
 use nalgebra::Vector3;
 
@@ -13,9 +13,9 @@ use crate::solution::Phase;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Observability {
-    /// The value stands on data.
+    /// The value is determined by data.
     Observable,
-    /// Known exactly beforehand: its spread in the [`Config`] is zero.
+    /// Known exactly beforehand: its sigma in the [`Config`] is zero.
     Given,
     /// Only more running time with GNSS velocity helps.
     #[default]
@@ -51,19 +51,19 @@ pub struct Estimate {
     pub value: f64,
     /// One standard deviation of `value`, same unit.
     pub sigma: f64,
-    /// Whether `value` stands on data.
+    /// Whether `value` is determined by data.
     pub observability: Observability,
 }
 
-/// All that the estimators say of the sensors, body axes right-forward-up, SI units.
+/// Estimated errors of the sensors, body axes right-forward-up, SI units.
 ///
 /// Biases are measured minus true: subtract them from readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Estimates {
-    /// Computed minus true heading, rad, that an INS would have now had it kept its starting
-    /// heading and had its gyros been compensated from the start.
+    /// Computed minus true heading, rad, that an INS would have now had it kept its starting heading and
+    /// had its gyros been compensated from the start.
     pub azimuth_error_rad: Estimate,
     /// Accelerometer biases x, y, z, m/s^2.
     pub accel_bias_mps2: [Estimate; 3],
@@ -76,36 +76,36 @@ pub struct Estimates {
     pub gnss_latency_s: Estimate,
     /// The latency at the last fix, s.
     pub gnss_latency_now_s: Estimate,
-    /// By how much positions are later than the velocities beside them, s; negative: earlier.
+    /// Delay of positions beyond that of the velocities beside them, s; negative: earlier.
     pub gnss_position_delay_s: Estimate,
     /// Growth of the latency, s/s: the inertial clock loses this on GNSS time.
     pub clock_drift: Estimate,
-    /// Smoothing by the receiver: variance of the times that one output is a mean of, s^2.
+    /// Smoothing by the receiver: variance of the delays that one output averages, s^2.
     pub gnss_smoothing_s2: Estimate,
-    /// Scale errors of the x, y and z accelerometers, 1, beyond what the bias holds of them at
-    /// the level attitude.
+    /// Scale errors of the x, y and z accelerometers, 1, acting on the force beyond that at the level
+    /// attitude.
     pub accel_scale: [Estimate; 3],
     /// Scale error of the gyros in turns about the vertical of the mount, 1.
     pub turn_scale: Estimate,
     /// Scale errors of the x, y and z gyros in all other turns, 1.
     pub gyro_scale: [Estimate; 3],
-    /// Misalignments of the gyros, rad: of what the unit turns beyond about its x, y and z axis, the
-    /// part that they take for a turn about the vertical.
+    /// Misalignments of the gyros, rad: the part of all other turns, about the x, y and z axis, that they
+    /// sense about the vertical.
     pub gyro_misalignment_rad: [Estimate; 3],
     /// Antenna position right, forward and up of the inertial sensors, m.
     pub lever_arm_m: [Estimate; 3],
-    /// Specific force in the body at the level attitude of the mount, m/s^2: there the scale
-    /// errors of the accelerometers do nothing, for the biases hold it.
+    /// Specific force in the body at the level attitude of the mount, m/s^2: there the effect of the
+    /// accelerometers' scale errors is part of the biases.
     pub level_force_mps2: Vector3<f64>,
 }
 
-/// Azimuth is worth something below this, rad.
+/// Sigma below which the azimuth is observable, rad.
 const AZIMUTH_SIGMA_RAD: f64 = 0.035;
-/// An estimate stands on data once its spread is below this part of what was believed before.
+/// Part of the prior sigma below which an estimate is.
 const KNOWN: f64 = 0.33;
 
 impl Estimates {
-    /// An interval less all errors of the sensors that stand on data.
+    /// An interval compensated for all observable errors of the sensors.
     #[must_use]
     pub fn corrected(&self, interval: &Interval) -> Interval {
         let value = |estimate: &Estimate| match estimate.observability {
@@ -138,7 +138,7 @@ impl Estimates {
             sigma: p.sigma(i),
             observability: if good {
                 Observability::Observable
-            } else if config.gives(i) {
+            } else if config.is_given(i) {
                 Observability::Given
             } else {
                 missing

@@ -135,7 +135,7 @@ const FASTEST_PHASE: f64 = 3.5;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PastState {
-    /// The moment.
+    /// Its time.
     pub time: Time,
     /// Velocity, ENU, m/s.
     pub velocity_mps: Vector3<f64>,
@@ -288,7 +288,7 @@ impl<const N: usize> History<N> {
     /// Sums from a time on, and until when: at most `longest_s`, or one entry.
     #[inline(never)]
     pub fn next_span(&self, from: Time, to: Time, longest_s: f64) -> Option<(Span, Time)> {
-        let mut piece = Span::default();
+        let mut joined = Span::default();
         for entry in self.entries.since_first(|entry| entry.time > from) {
             let seconds = f64::from(entry.span.seconds);
             let end_s = entry.time.seconds_since(from);
@@ -302,15 +302,15 @@ impl<const N: usize> History<N> {
             if inside_s < seconds {
                 part = part.part(inside_s / seconds);
             }
-            if piece.seconds <= 0.0 {
-                piece = part;
-            } else if piece.seconds + part.seconds > longest_s {
-                return Some((piece, from.plus_seconds(piece.seconds)));
+            if joined.seconds <= 0.0 {
+                joined = part;
+            } else if joined.seconds + part.seconds > longest_s {
+                return Some((joined, from.plus_seconds(joined.seconds)));
             } else {
-                piece.extend(&part);
+                joined.extend(&part);
             }
         }
-        (piece.seconds > 0.0).then_some((piece, to))
+        (joined.seconds > 0.0).then_some((joined, to))
     }
 
     /// Whether a time is not after the newest entry.
@@ -321,7 +321,8 @@ impl<const N: usize> History<N> {
     /// The INS at `time`, which must be after the first entry. With `wait` an entry must follow those
     /// around it, for a better interpolation.
     ///
-    /// # Errors [`Missing`] if it does not.
+    /// # Errors
+    /// [`Missing`] if it does not.
     #[inline(never)]
     pub fn at(&self, time: Time, wait: bool) -> Result<PastState, Missing> {
         let mut older = self.entries.iter().rev();

@@ -1,4 +1,4 @@
-//! From sensor readings to the rotation and the velocity gained over one interval.
+//! Rotation and velocity increments over one interval, from sensor readings.
 
 use nalgebra::Vector3;
 
@@ -6,26 +6,24 @@ use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::math;
 use crate::samples::{ImuOutput, ImuSample};
 
-/// Longest interval, as a multiple of the usual one, that still counts as no sample missing. One
-/// missing makes it two, from stamp to stamp as from the moment at which the last was due: stamps
-/// that jitter by less than three eighths of an interval leave one of them below this.
+/// Longest interval, as a multiple of the usual one, without a missing sample. With one missing it is two,
+/// between stamps as from the due time of the last: with jitter below three eighths of an interval at least
+/// one of them is below this otherwise.
 const MISSING_RATIO: f64 = 1.75;
-/// Largest deviation of a stamp from its due time, in intervals, that is its own jitter.
+/// Largest deviation of a stamp from its due time, in intervals, that is jitter.
 const JITTER_RATIO: f64 = 0.5;
-/// Stamps over which their jitter is averaged out, and those over which a usual interval is learnt
-/// where they do not come when due.
+/// Memory of the jitter, in stamps, and of the usual interval where stamps are irregular.
 const STAMPS: f64 = 16.0;
-/// Holes in a row that are no loss of samples but show that they come more rarely: of a loss of one sample in
-/// five there are so many once in an hour.
-const HOLES: u8 = 8;
+/// Successive gaps that show a lower rate: with one sample in five lost there are so many once in an hour.
+const GAPS: u8 = 8;
 
-/// Half the turn by which the two ends of a hole may disagree, rad: beyond it the heading inside
-/// would have to be found anew anyway.
+/// Half the turn by which the two ends of a gap may disagree, rad: beyond it the heading would have to be
+/// found anew.
 const BRIDGEABLE_RAD: f64 = 0.3;
-/// The same of a velocity, m/s: so much is taken out of an INS at once.
+/// The same of a velocity, m/s: so much is corrected in an INS at once.
 const BRIDGEABLE_MPS: f64 = 3.0;
 
-/// Turn about one axis from sample to sample that cannot be told from one the other way round, rad.
+/// Turn about one axis between samples that is ambiguous with one in the other direction, rad.
 const AMBIGUOUS_RAD: f64 = core::f64::consts::PI;
 
 /// Motion over one interval, body axes.
@@ -39,9 +37,9 @@ pub struct Interval {
     pub angle_rad: Vector3<f64>,
     /// Integral of specific force, m/s.
     pub force_mps: Vector3<f64>,
-    /// What the rotation vector has beyond `angle_rad`, rad.
+    /// Coning: rotation vector beyond `angle_rad`, rad.
     pub coning_rad: Vector3<f64>,
-    /// What the velocity gained has beyond `force_mps` and its rotation, m/s.
+    /// Sculling: velocity gained beyond `force_mps` and its rotation, m/s.
     pub sculling_mps: Vector3<f64>,
 }
 
@@ -83,15 +81,15 @@ pub struct Increments {
     previous_s: f64,
     /// Usual interval, s; zero until known.
     usual_s: f64,
-    /// How many intervals in a row have had samples missing.
-    holes: u8,
-    /// How much later than due, by those before, the last stamp was, s.
+    /// Successive intervals with samples missing.
+    gaps: u8,
+    /// Lateness of the last stamp against its due time, s.
     late_s: f64,
-    /// What of that is the stamp's alone, s.
+    /// The part of it that is the stamp's and not the sensor's, s.
     stamped_late_s: f64,
-    /// Sums of how much longer than usual an interval was by its stamps, times the velocity felt
-    /// beyond that of `g` over the usual one, and times that of `g` over as much longer, m. They are
-    /// alike where stamps are right; where intervals are even the first comes to nothing.
+    /// Sums of the excess of an interval by its stamps, times the excess of velocity over that of `g` in
+    /// the usual one, and times that of `g` in the excess, m. Equal where stamps are right; where the
+    /// intervals are even the first is zero.
     longer_felt_m: f64,
     longer_stamped_m: f64,
 }
@@ -107,7 +105,7 @@ impl Increments {
         }
     }
 
-    /// Begins again at a reading after a hole; the usual interval stays known.
+    /// Begins again at a reading after a gap; the usual interval stays known.
     pub fn restart(&mut self, first: &ImuSample) {
         self.gyro = first.gyro;
         self.accel = first.accel;
@@ -116,8 +114,8 @@ impl Increments {
         self.stamped_late_s = 0.0;
     }
 
-    /// How much later than the last sample its stamp was, s: of increments that are no longer where
-    /// their stamps come later, for the sensor's own intervals are even then. A rate is of its stamp.
+    /// Lateness of the last stamp against its sample, s: of increments whose size does not grow with their
+    /// stamped interval, so that the sensor's own intervals are even. A rate is of its stamp.
     pub fn stamped_late_s(&self) -> f64 {
         self.stamped_late_s
     }
@@ -128,14 +126,14 @@ impl Increments {
         self.usual_s > 0.0 && seconds > longest && seconds + self.late_s > longest
     }
 
-    /// By how much the readings on both sides of a hole before `sample` differ, rad/s and m/s^2.
+    /// Difference of the readings on both sides of a gap before `sample`, rad/s and m/s^2.
     pub fn ends_differ(&self, sample: &ImuSample) -> [f64; 2] {
         let reading_s = self.output.per_rate(self.usual_s);
         let changes = [sample.gyro - self.gyro, sample.accel - self.accel];
         changes.map(|change| math::largest(&change) / reading_s)
     }
 
-    /// Whether the two ends of a hole of `seconds` before `sample` agree on what happened in it.
+    /// Whether the two ends of a gap of `seconds` before `sample` agree.
     pub fn ends_agree(&self, sample: &ImuSample, seconds: f64) -> bool {
         let [rate, accel] = self
             .ends_differ(sample)
@@ -143,15 +141,15 @@ impl Increments {
         rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS
     }
 
-    /// Whether a reading of a gyro means a turn that samples `seconds` apart cannot show.
+    /// Whether a reading of a gyro is a turn that samples `seconds` apart cannot resolve.
     pub fn turns_too_far(&self, gyro: f64, seconds: f64) -> bool {
         gyro * seconds > AMBIGUOUS_RAD * self.output.per_rate(seconds)
     }
 
-    /// The time that a reading spans which comes `seconds` after the last, s: shorter if samples
-    /// are missing before it.
-    pub fn reading_seconds(&self, seconds: f64, hole: bool) -> f64 {
-        if hole { self.usual_s } else { seconds }
+    /// Duration that a reading covers, `seconds` after the last, s: shorter if samples are missing before
+    /// it.
+    pub fn reading_seconds(&self, seconds: f64, gap: bool) -> f64 {
+        if gap { self.usual_s } else { seconds }
     }
 
     /// The interval that ends at `sample`, stamped `seconds` (positive) after the last.
@@ -159,17 +157,17 @@ impl Increments {
     /// Rates are integrated by the parabola through the last three readings, increments as they
     /// are. Coning and sculling are those of rates linear over the interval, or over the last two
     /// intervals (Savage 1998, two-sample algorithm); both give the same second-order terms, with
-    /// `scale` as their only difference. A hole between increments is filled with the mean rate
+    /// `scale` as their only difference. A gap between increments is filled with the mean rate
     /// of its two ends.
     pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
         self.interval_of(sample, seconds, self.has_hole(seconds))
     }
 
-    /// The same of one who knows whether it [has a hole](Self::has_hole).
+    /// The same, with the result of [`Self::has_hole`].
     #[inline]
-    pub(crate) fn interval_of(&mut self, sample: &ImuSample, seconds: f64, hole: bool) -> Interval {
+    pub(crate) fn interval_of(&mut self, sample: &ImuSample, seconds: f64, gap: bool) -> Interval {
         let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s);
-        self.follow_stamps(seconds, hole);
+        self.follow_stamps(seconds, gap);
         if self.output == ImuOutput::Increments {
             self.compare_stamps(seconds, &sample.accel);
         }
@@ -183,7 +181,7 @@ impl Increments {
         };
         let (angle, force, scale) = match self.output {
             ImuOutput::Rates => {
-                let bend = self.bend(seconds, hole);
+                let bend = self.bend(seconds, gap);
                 let (bend_new, bend_old) = (bend / seconds, bend / before);
                 let integral = |last: &Vector3<f64>, change: &Vector3<f64>, old: &Vector3<f64>| {
                     seconds * last + (0.5 * seconds - bend_new) * change + bend_old * old
@@ -194,7 +192,7 @@ impl Increments {
                     seconds * seconds / 12.0,
                 )
             }
-            ImuOutput::Increments if hole => {
+            ImuOutput::Increments if gap => {
                 let ends = if self.previous_s > 0.0 { 2.0 } else { 1.0 };
                 let previous = ends - 1.0;
                 let fill = (seconds / usual_s - 1.0) / ends;
@@ -216,7 +214,7 @@ impl Increments {
         self.gyro_change = gyro_change;
         self.accel_change = accel_change;
         self.previous_s = match self.output {
-            ImuOutput::Increments if hole => usual_s,
+            ImuOutput::Increments if gap => usual_s,
             ImuOutput::Rates | ImuOutput::Increments => seconds,
         };
         Interval {
@@ -228,25 +226,21 @@ impl Increments {
         }
     }
 
-    /// What a difference of slopes takes from the trapezoid: the parabola through readings at
-    /// `-T1`, 0 and `T2` integrates to that less `T2^3 / (6 (T1 + T2))` times the difference of
-    /// its two slopes. None across a hole, without a reading before, or with one so much closer than
-    /// the next that its slope would be carried far.
-    fn bend(&self, seconds: f64, hole: bool) -> f64 {
-        if hole || self.previous_s < 0.5 * seconds {
+    /// Correction of the trapezoid by the change of slope: the parabola through readings at `-T1`, 0 and
+    /// `T2` integrates to it less `T2^3 / (6 (T1 + T2))` times the difference of the two slopes. None
+    /// across a gap, without a reading before, or with one so much closer than the next that its slope
+    /// would be extrapolated far.
+    fn bend(&self, seconds: f64, gap: bool) -> f64 {
+        if gap || self.previous_s < 0.5 * seconds {
             return 0.0;
         }
         seconds * seconds * seconds / (6.0 * (self.previous_s + seconds))
     }
 
-    /// Follows stamps that come when due by a loop of second order, critically damped, and others
-    /// slowly; a few holes say nothing of the usual interval.
-    fn follow_stamps(&mut self, seconds: f64, hole: bool) {
-        self.holes = if hole {
-            self.holes.saturating_add(1)
-        } else {
-            0
-        };
+    /// Tracks regular stamps by a second-order loop, critically damped, and irregular ones slowly; a few
+    /// gaps do not count.
+    fn follow_stamps(&mut self, seconds: f64, gap: bool) {
+        self.gaps = if gap { self.gaps.saturating_add(1) } else { 0 };
         if self.usual_s <= 0.0 {
             self.usual_s = seconds;
             self.longer_stamped_m = GRAVITY_EQUATOR_MPS2 * seconds * seconds;
@@ -259,18 +253,18 @@ impl Increments {
             self.usual_s += late_s / (4.0 * STAMPS * STAMPS);
         } else {
             self.late_s = 0.0;
-            if !(1..HOLES).contains(&self.holes) {
+            if !(1..GAPS).contains(&self.gaps) {
                 self.usual_s += math::min(seconds - self.usual_s, self.usual_s) / STAMPS;
             }
         }
     }
 
-    /// Whether an increment is longer where its stamp is later, and how late the stamp is therefore;
+    /// Regression of an increment's size on its stamped interval, and the lateness of the stamp by it;
     /// never so much that no time would pass.
     fn compare_stamps(&mut self, seconds: f64, accel: &Vector3<f64>) {
         let longer_s = seconds - self.usual_s;
         let usual_mps = GRAVITY_EQUATOR_MPS2 * self.usual_s;
-        // Half the difference of the squares: of what is almost the same there is no need of a root.
+        // Half the difference of the squares instead of a root, as they are almost equal.
         let felt_mps = 0.5 * (accel.norm_squared() / usual_mps - usual_mps);
         let stamped_mps = GRAVITY_EQUATOR_MPS2 * longer_s;
         if math::abs(longer_s) < self.usual_s {

@@ -152,9 +152,9 @@ impl Innovations {
         let scale = self.scale * (1.0 + share * (bounded - 1.0) / self.memory);
         self.scale = math::clamp_variance(scale, range);
         self.memory = math::min(self.memory + share * share, LONGEST_MEMORY);
-        let likeness = math::clamp(0.5 * sigmas.dot(&self.last), [-3.0, 3.0]);
+        let lag_product = math::clamp(0.5 * sigmas.dot(&self.last), [-3.0, 3.0]);
         let memory = math::min(self.memory, CORRELATION_MEMORY);
-        self.correlation += (likeness - self.correlation) / memory;
+        self.correlation += (lag_product - self.correlation) / memory;
         self.last = *sigmas;
     }
 

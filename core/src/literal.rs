@@ -1,9 +1,9 @@
 //! The thesis's estimators as printed, (7) to (11), each on its own manoeuvres.
 //!
-//! They read the integral of the controls, `U = INT w^C dt`, and hold in the quasi-steady regime:
-//! manoeuvres long against `1 / w0`. What gyros are known to drift, from (9), is taken out of `U`
-//! first, as the thesis does from stage to stage. Several manoeuvres are averaged by summing
-//! numerators and denominators, never quotients; their scatter gives the spread.
+//! They use the integral of the controls, `U = INT w^C dt`, and hold in the quasi-steady regime: manoeuvres
+//! long against `1 / w0`. The drift by the gyros, from (9), is removed from `U` first, as in the stages of
+//! the thesis. Several manoeuvres are averaged by summing numerators and denominators, never quotients;
+//! their scatter gives the sigma.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -21,16 +21,16 @@ use crate::time::Time;
 
 /// Least change of acceleration that (7) and (11) use, m/s^2.
 const LEAST_CHANGE_MPS2: f64 = 1.0;
-/// Part of the peak acceleration above which a manoeuvre still lasts.
+/// A manoeuvre lasts while acceleration is above this part of its peak.
 const STILL_LASTING: f64 = 0.8;
 /// Steady time after a turn until the loop has settled, in units of `1 / w0`.
 const SETTLING: f64 = 3.0;
 /// Fading of (7) from one manoeuvre to the next, and of (9) and (10) from one block to the next: the
-/// azimuth drifts with the gyro, and of the others the first are those before the compensations.
+/// azimuth drifts with the gyro, and early blocks were before the compensations.
 const KEEP: f64 = 0.9;
 /// Block over which (9) and (10) are averaged, s.
 const BLOCK_S: f64 = 60.0;
-/// Manoeuvres or blocks without which a scatter says nothing.
+/// Least number of manoeuvres or blocks for a scatter.
 const LEAST_COUNT: f64 = 3.0;
 
 /// Azimuth (7): `Phi_UP = g (Da_E INT w_E^C + Da_N INT w_N^C) / (Da_E^2 + Da_N^2)`, returned as
@@ -70,7 +70,7 @@ pub fn latency(accel: &Vector2<f64>, gained: &Vector2<f64>) -> (f64, f64) {
     (accel.dot(gained), accel.norm_squared())
 }
 
-/// Weighted mean and its spread by scatter.
+/// Weighted mean, with its sigma by scatter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Mean {
@@ -89,7 +89,7 @@ impl Mean {
         self.scatter += weight * off * (value - self.value);
     }
 
-    /// Lets all before count for `keep` of what it did.
+    /// Multiplies the weight of all before by `keep`.
     fn fade(&mut self, keep: f64) {
         self.weight *= keep;
         self.scatter *= keep;
@@ -104,7 +104,7 @@ impl Mean {
     }
 }
 
-/// A moment, and all that has happened until then.
+/// A time, and the sums until then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Moment {
@@ -113,13 +113,13 @@ struct Moment {
 }
 
 impl Moment {
-    /// What the controls have turned by then, rad.
+    /// Integral of the controls of attitude until then, rad.
     fn turned(&self) -> &Vector3<f64> {
         &self.since_start.control_tilt_rad
     }
 }
 
-/// A manoeuvre going on: where it began and what has been seen of it.
+/// Manoeuvre in progress: its start and what has been measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct ActiveManoeuvre {
@@ -127,14 +127,14 @@ struct ActiveManoeuvre {
     start_attitude: Matrix3<f64>,
     start_difference: Vector2<f64>,
     start_accel: Vector2<f64>,
-    /// Whether it began with gaining or with losing speed.
+    /// Whether it began with acceleration or with braking.
     kind: Option<Manoeuvre>,
     /// Whether it has turned.
     has_turned: bool,
-    /// Whether its acceleration has been counted.
+    /// Whether its acceleration has been used.
     counted: bool,
     peak: f64,
-    /// (7): numerator and denominator at the last moment that the acceleration still lasted.
+    /// (7): numerator and denominator at the end of the acceleration so far.
     azimuth: (f64, f64),
     /// (11): sums so far.
     latency: (f64, f64),
@@ -157,9 +157,9 @@ pub struct Literal {
     last: Option<Moment>,
     /// Mean attitude between the last two fixes.
     attitude: Matrix3<f64>,
-    /// Since when the vehicle moves steadily.
+    /// Start of steady motion.
     steady_since: Option<Time>,
-    /// The manoeuvre from the last settled state on.
+    /// Manoeuvre since the last settled state.
     active: Option<ActiveManoeuvre>,
     azimuth: Mean,
     latency: Mean,
@@ -177,9 +177,9 @@ pub struct Literal {
 /// One comparison with GNSS, as the literal estimators need it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison<'a> {
-    /// The INS at the moment of the fix.
+    /// INS at the time of the fix.
     pub past: &'a PastState,
-    /// What the vehicle is doing.
+    /// The present manoeuvre.
     pub manoeuvre: Manoeuvre,
     /// INS minus GNSS velocity, ENU, m/s.
     pub difference_mps: Vector3<f64>,
@@ -196,9 +196,9 @@ pub struct Comparison<'a> {
 }
 
 impl Literal {
-    /// Nothing known; the weak prior keeps the equations of (8) solvable.
+    /// Starts without knowledge; the weak prior keeps the equations of (8) solvable.
     pub fn new(start: Time, config: &Config) -> Self {
-        // A weight that counts for nothing beside one turn.
+        // A weight that is negligible beside one turn.
         let weak = Vector2::repeat(1e3 * math::single(config.sensors.accel_bias_mps2));
         Self {
             now: Moment {
@@ -223,18 +223,18 @@ impl Literal {
         }
     }
 
-    /// The moment it stands at.
+    /// Time of the sums.
     pub fn horizon(&self) -> Time {
         self.now.time
     }
 
-    /// Carries the totals over a span that ends at `to`.
+    /// Extends the sums by a span that ends at `to`.
     pub fn propagate(&mut self, span: &Span, to: Time) {
         self.now.time = to;
         self.now.since_start.extend(span);
     }
 
-    /// Takes one kind of measurement of a comparison at the horizon; whether it is credible.
+    /// Takes one kind of measurement of a comparison at the horizon; whether it passed the gate.
     #[inline(never)]
     pub fn take(&mut self, kind: Kind, now: &Comparison, config: &Config) -> bool {
         if kind.measured() == Measured::Position {
@@ -275,7 +275,7 @@ impl Literal {
         let turned = moment.turned() - last.turned();
         let level = level_gyros(&self.attitude, &turned);
         let (accel_up, up) = vertical(now.accel_up_mps2 * dt, turned.z);
-        // What the loop does before it first settles is levelling.
+        // Before it first settles the loop is still levelling.
         if self.active.is_none() {
             return;
         }
@@ -300,7 +300,7 @@ impl Literal {
         }
     }
 
-    /// Follows manoeuvres, each from one settled steady state to the next.
+    /// Tracks manoeuvres, each from one settled steady state to the next.
     fn track_manoeuvre(&mut self, now: &Comparison) {
         if self.settled(now) {
             if let Some(active) = self.active.filter(|active| active.has_turned) {
@@ -322,7 +322,7 @@ impl Literal {
             }
             _ => {}
         }
-        // The first straight piece only: what follows does not begin from a settled state.
+        // The first straight part only: what follows does not start from a settled state.
         if active.kind.is_some_and(|kind| kind != now.manoeuvre) && !active.counted {
             active.counted = true;
             self.end_acceleration(&active, now);
@@ -380,14 +380,14 @@ impl Literal {
         active.latency.1 += bottom;
     }
 
-    /// Growth of the velocity error that a free INS with drift-free gyros would have had.
+    /// Growth of the velocity error of a free INS with drift-free gyros.
     fn free_gain(&self, active: &ActiveManoeuvre, now: &Comparison) -> Vector2<f64> {
         let (start, end) = (&active.start.since_start, &self.now.since_start);
         let force_mps = end.force_mps - start.force_mps;
         let drift = (end.attitude_s - start.attitude_s) * self.gyro_drift();
         let drifted = -0.5 * force_mps.cross(&drift);
         let gained = now.difference_mps.xy() - active.start_difference;
-        // Less what the controls of this span did, with no tilt but their own.
+        // Less the controls of this span, with no tilt but their own.
         let controlled = end.control_velocity_mps
             - start.control_velocity_mps
             - force_mps.cross(&start.control_tilt_rad);
@@ -418,7 +418,7 @@ impl Literal {
         self.turns += 1.0;
     }
 
-    /// What is known of the parameters; the azimuth is that left at the last fix.
+    /// Parameters as estimated; the azimuth is that left at the last fix.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
     }

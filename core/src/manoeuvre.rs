@@ -1,13 +1,13 @@
-//! Manoeuvres, found online.
+//! Classification of manoeuvres.
 
 use crate::history::PastState;
 use crate::math;
 
-/// Acceleration along or across the track that counts, m/s^2.
+/// Least acceleration along or across the track, m/s^2.
 const ACCEL_MPS2: f64 = 0.5;
-/// Speed below which a vehicle counts as standing, m/s.
+/// Largest speed at rest, m/s.
 const REST_MPS: f64 = 0.3;
-/// Rate of turn that counts, rad/s.
+/// Least rate of turn, rad/s.
 const TURN_RADPS: f64 = 0.05;
 
 /// What the vehicle is doing.
@@ -29,7 +29,7 @@ pub enum Manoeuvre {
 }
 
 impl Manoeuvre {
-    /// The manoeuvre at one moment of the INS.
+    /// The manoeuvre of an INS state.
     pub(crate) fn of(past: &PastState) -> Self {
         let velocity = past.velocity_mps.xy();
         let accel = past.accel_mps2.xy();

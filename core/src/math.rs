@@ -23,18 +23,18 @@ pub(crate) fn min<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
-/// A number, held within the least and the most.
+/// A number, clamped to the least and the most.
 pub(crate) fn clamp(x: f64, [least, most]: [f64; 2]) -> f64 {
     max(min(x, most), least)
 }
 
-/// A ratio of variances, held within the least and the greatest ratio of standard deviations.
+/// A ratio of variances, clamped to the squares of these ratios of standard deviations.
 pub(crate) fn clamp_variance(ratio: f64, [least, most]: [f64; 2]) -> f64 {
     clamp(ratio, [least * least, most * most])
 }
 
-/// What is left after so many time constants, not negative: `exp(-x)` to second order, between 0 and 1
-/// for any of them.
+/// Decay after so many time constants, not negative: `exp(-x)` to second order, between 0 and 1 for any of
+/// them.
 pub(crate) fn decayed(x: f64) -> f64 {
     1.0 / (1.0 + x + 0.5 * x * x)
 }

@@ -37,14 +37,14 @@ pub struct Mechanization {
     latitude_trig: LatitudeTrig,
 }
 
-/// What one step did, in ENU: food for the estimators.
+/// Increments of one step, ENU, for the estimators.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
     /// `C_B^L` at the start of the interval.
     pub attitude: Matrix3<f64>,
     /// Velocity gained from specific force alone, ENU, m/s.
     pub force_enu_mps: Vector3<f64>,
-    /// Way, controls included, ENU, m.
+    /// Displacement, controls included, ENU, m.
     pub way_m: Vector3<f64>,
 }
 
@@ -63,13 +63,13 @@ impl Mechanization {
         }
     }
 
-    /// The same attitude where a fix says that the vehicle is, and as fast.
+    /// The same attitude at the position and velocity of a fix.
     #[must_use]
     pub fn at_fix(&self, fix: &GnssFix) -> Self {
         let own = &self.velocity_enu_mps;
         let level = fix.velocity_en_mps.unwrap_or_else(|| own.xy());
         let velocity = level.push(fix.velocity_up_mps.unwrap_or(own.z));
-        Self::new(fix.place_or(&self.position), velocity, self.attitude)
+        Self::new(fix.position_or(&self.position), velocity, self.attitude)
     }
 
     /// The Earth at the present position.
@@ -87,13 +87,13 @@ impl Mechanization {
         let frame_rate = earth_rate + transport_rate;
         let attitude = matrix(&self.attitude);
 
-        // The frame, and the platform by its controls, turn by half of their step until the middle
-        // of the interval.
+        // The frame, and the platform by its controls, turn by half of their step until the middle of the
+        // interval.
         let force = attitude * interval.velocity_mps();
         let platform_rate = frame_rate + controls.rate_radps;
         let force_enu_mps = force - 0.5 * dt * platform_rate.cross(&force);
-        // Gravity of the middle of the interval, `dg/dh = -2 g / R`: at its start the error would be
-        // of first order, and the vertical channel multiplies it.
+        // Gravity at the middle of the interval, `dg/dh = -2 g / R`: at its start the error would be of
+        // first order, and the vertical channel amplifies it.
         let rise_m = 0.5 * dt * self.velocity_enu_mps.z;
         let fall = 1.0 - 2.0 * rise_m / earth.north_radius_m;
         let gravity = Vector3::new(0.0, 0.0, -earth.gravity_mps2 * fall);
@@ -132,7 +132,7 @@ impl Mechanization {
         self.latitude_trig.follow(self.position.latitude_rad);
     }
 
-    /// Goes on for so many seconds as it goes.
+    /// Extrapolates at constant velocity.
     #[inline(never)]
     pub(crate) fn extrapolate(&mut self, seconds: f64) {
         self.move_by(&self.local_earth(), &(seconds * self.velocity_enu_mps));

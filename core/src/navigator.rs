@@ -30,9 +30,9 @@ pub const RING_MOMENTS: usize = 22;
 const LARGEST_OFFSET_S: f64 = 1.5;
 /// Duration of a run of consistent stamps until it is accepted after a gap, and before the last stamp, s. A
 /// few stray ones must not move the clock, nor a buffer of old samples that is sent again.
-const AFTER_HOLE_S: f64 = 0.05;
+const AFTER_GAP_S: f64 = 0.05;
 /// Longest gap that a single stamp proves, and longest interval within a run of stamps, s.
-const PLAIN_HOLE_S: f64 = 0.5;
+const CERTAIN_GAP_S: f64 = 0.5;
 const SET_BACK_S: f64 = 1.0;
 /// Longer than any increment, s: the interval of the first, or of one after a gap, is not known.
 const LONGEST_READING_S: f64 = 1.0;
@@ -51,9 +51,9 @@ const STOPGAP_M: f64 = 20.0;
 const STOPGAP_MPS: f64 = 5.0;
 const STOPGAP_RAD: f64 = 0.1;
 /// Longest gap over which it is extrapolated, s.
-const CARRIED_S: f64 = 60.0;
+const EXTRAPOLATED_S: f64 = 60.0;
 /// Sigmas of that tilt by which the direction of gravity after a gap shows that the unit has slipped.
-const TIPPED_SIGMAS: f64 = 4.0;
+const SLIPPED_SIGMAS: f64 = 4.0;
 
 /// Strapdown INS damped by GNSS velocity, with running estimators of its sensors' errors.
 ///
@@ -132,7 +132,8 @@ enum Mode<const RING: usize> {
 impl Navigator {
     /// A navigator without prior calibration.
     ///
-    /// # Errors [`ConfigError`] names the first value that cannot be used.
+    /// # Errors
+    /// [`ConfigError`] names the first value that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         Self::with_ring(config, None)
     }
@@ -142,7 +143,8 @@ impl Navigator {
     /// What the configuration gives stays as given. Where the position is known too, give it as a first
     /// fix; a heading by [`Navigator::on_heading`].
     ///
-    /// # Errors As [`Self::new`]; also for a calibration that is not finite, or a negative sigma. With a
+    /// # Errors
+    /// As [`Self::new`]; also for a calibration that is not finite, or a negative sigma. With a
     /// sigma of zero a value is unused, and the configuration stands.
     pub fn warm(config: Config, calibration: &Calibration) -> Result<Self, ConfigError> {
         Self::with_ring(config, Some(calibration))
@@ -153,7 +155,8 @@ impl<const RING: usize> Navigator<RING> {
     /// A navigator with `RING` past states, a good tenth of a second apart: fixes of an older time, by
     /// their latency and late arrival together, are lost. Each takes 160 bytes.
     ///
-    /// # Errors As [`Navigator::warm`].
+    /// # Errors
+    /// As [`Navigator::warm`].
     pub fn with_ring(
         config: Config,
         calibration: Option<&Calibration>,
@@ -186,10 +189,10 @@ impl<const RING: usize> Navigator<RING> {
         let (state, config) = (&mut self.state, &self.config);
         // One after the other: nested, their stacks would add up.
         let outcome = match state.on_imu(sample, &mut self.counts, config) {
-            Ok(hole) => {
-                state.on_interval(hole, config);
+            Ok(gap) => {
+                state.on_interval(gap, config);
                 state.follow_up(&mut self.counts, config);
-                hole.map_or(ImuOutcome::Accepted, |_| ImuOutcome::Bridged)
+                gap.map_or(ImuOutcome::Accepted, |_| ImuOutcome::Bridged)
             }
             Err(outcome) => outcome,
         };
@@ -412,25 +415,25 @@ impl<const RING: usize> State<RING> {
             }
             return Err(ImuOutcome::TimeNotIncreasing);
         }
-        let hole = increments.has_hole(seconds);
-        let reading_s = math::min(increments.reading_seconds(seconds, hole), LONGEST_READING_S);
+        let gap = increments.has_hole(seconds);
+        let reading_s = math::min(increments.reading_seconds(seconds, gap), LONGEST_READING_S);
         if largest.out_of_range(reading_s, config) {
             // Increments over longer intervals are larger.
-            let rarer = hole && !largest.out_of_range(seconds, config);
-            if rarer && self.resumes(sample.time, AFTER_HOLE_S) {
+            let rarer = gap && !largest.out_of_range(seconds, config);
+            if rarer && self.resumes(sample.time, AFTER_GAP_S) {
                 self.restart_at(sample, counts, config);
                 self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
             }
             return Err(ImuOutcome::OutOfRange);
         }
         let too_far = increments.turns_too_far(largest.gyro, seconds);
-        if too_far && !hole {
+        if too_far && !gap {
             return Err(ImuOutcome::OutOfRange);
         }
-        let filled = !hole || (!too_far && increments.ends_agree(sample, seconds));
+        let filled = !gap || (!too_far && increments.ends_agree(sample, seconds));
         let bridgeable = filled && seconds <= config.max_gap_s;
-        if !bridgeable || seconds > PLAIN_HOLE_S {
-            if !self.resumes(sample.time, AFTER_HOLE_S) {
+        if !bridgeable || seconds > CERTAIN_GAP_S {
+            if !self.resumes(sample.time, AFTER_GAP_S) {
                 return Err(ImuOutcome::Gap);
             }
             if !bridgeable {
@@ -438,15 +441,15 @@ impl<const RING: usize> State<RING> {
                 return Err(ImuOutcome::Gap);
             }
         }
-        let bridged = if hole || self.out_of_sequence.is_some() {
-            self.bridge(sample, seconds, hole, largest.gyro, config)
+        let bridged = if gap || self.out_of_sequence.is_some() {
+            self.bridge(sample, seconds, gap, largest.gyro, config)
         } else {
             None
         };
         let Some((last, increments)) = &mut self.inertial else {
             return Err(ImuOutcome::Gap);
         };
-        self.interval = increments.interval_of(sample, seconds, hole);
+        self.interval = increments.interval_of(sample, seconds, gap);
         *last = sample.time;
         Ok(bridged)
     }
@@ -458,7 +461,7 @@ impl<const RING: usize> State<RING> {
         &mut self,
         sample: &ImuSample,
         seconds: f64,
-        hole: bool,
+        gap: bool,
         gyro: f64,
         config: &Config,
     ) -> Option<Bridged> {
@@ -476,7 +479,7 @@ impl<const RING: usize> State<RING> {
             // The refused samples are lost entirely: not only the difference of the ends.
             rate += 2.0 * gyro / config.imu_output.per_rate(seconds);
         }
-        (hole || set_back_s > 0.0).then_some(Bridged {
+        (gap || set_back_s > 0.0).then_some(Bridged {
             seconds: seconds + set_back_s,
             ends_differ: [rate, accel],
         })
@@ -501,8 +504,8 @@ impl<const RING: usize> State<RING> {
                 alignment.on_interval(now, interval, config);
             }
             Mode::Navigating(ins) => {
-                if let Some(hole) = bridged {
-                    ins.on_hole(hole.seconds, hole.ends_differ);
+                if let Some(gap) = bridged {
+                    ins.on_gap(gap.seconds, gap.ends_differ);
                 }
                 ins.on_interval(now, interval, config);
             }
@@ -526,7 +529,7 @@ impl<const RING: usize> State<RING> {
     fn resumes(&mut self, time: Time, credible_s: f64) -> bool {
         let in_step = self.out_of_sequence.filter(|out_of_sequence| {
             let seconds = time.seconds_since(out_of_sequence.last);
-            seconds > 0.0 && seconds <= PLAIN_HOLE_S
+            seconds > 0.0 && seconds <= CERTAIN_GAP_S
         });
         let first = in_step.map_or(time, |out_of_sequence| out_of_sequence.first);
         self.out_of_sequence = Some(OutOfSequence { first, last: time });
@@ -539,37 +542,37 @@ impl<const RING: usize> State<RING> {
         self.last_fix = None;
         self.barometer = Barometer::default();
         self.interval = Interval::default();
-        let (mut until, mut tipped) = (sample.time, false);
+        let (mut until, mut slipped) = (sample.time, false);
         if let Some((last, increments)) = &mut self.inertial {
             until = core::mem::replace(last, sample.time);
             let [_, accel_mps2] = increments.ends_differ(sample);
-            tipped = accel_mps2 > TIPPED_SIGMAS * STOPGAP_RAD * GRAVITY_EQUATOR_MPS2;
+            slipped = accel_mps2 > SLIPPED_SIGMAS * STOPGAP_RAD * GRAVITY_EQUATOR_MPS2;
             increments.restart(sample);
         }
-        self.realign(sample.time, until, tipped, counts, config);
+        self.realign(sample.time, until, slipped, counts, config);
     }
 
     /// The INS was propagated up to `until`. If gravity has another direction than before, the unit may
-    /// have been `tipped`, and the level is not kept.
+    /// have been `slipped`, and the level is not kept.
     #[inline(never)]
     fn realign(
         &mut self,
         time: Time,
         until: Time,
-        tipped: bool,
+        slipped: bool,
         counts: &mut Counts,
         config: &Config,
     ) {
-        let hole_s = time.seconds_since(until);
+        let gap_s = time.seconds_since(until);
         match &mut self.mode {
             Mode::Aligning(alignment) => {
                 alignment.on_outage(time);
-                if tipped {
+                if slipped {
                     self.stopgap = None;
                     alignment.restart(time);
                 } else {
                     alignment.begin_at(time);
-                    extrapolate_stopgap(&mut self.stopgap, hole_s);
+                    extrapolate_stopgap(&mut self.stopgap, gap_s);
                 }
             }
             Mode::Navigating(ins) => {
@@ -590,9 +593,9 @@ impl<const RING: usize> State<RING> {
                     ins.level_force_mps2()
                 };
                 let since = ins.coasting_since().unwrap_or(until);
-                let left = (!ins.parameters_invalid && !tipped).then(|| *ins.mechanization());
+                let left = (!ins.parameters_invalid && !slipped).then(|| *ins.mechanization());
                 self.stopgap = left.filter(is_possible).map(|ins| (since, ins));
-                extrapolate_stopgap(&mut self.stopgap, hole_s);
+                extrapolate_stopgap(&mut self.stopgap, gap_s);
                 // In place: else it would be copied over the stack.
                 self.mode = Mode::Aligning(Alignment::new(time, Some(until), &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
@@ -789,7 +792,7 @@ fn step_stopgap(
 fn extrapolate_stopgap(stopgap: &mut Option<(Time, Mechanization)>, seconds: f64) {
     if let Some((since, ins)) = stopgap {
         if seconds > 0.0 {
-            ins.extrapolate(math::min(seconds, CARRIED_S));
+            ins.extrapolate(math::min(seconds, EXTRAPOLATED_S));
         } else {
             *since = since.plus_seconds(seconds);
         }

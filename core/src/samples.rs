@@ -1,11 +1,11 @@
-//! What comes in: inertial samples and GNSS fixes.
+//! Inputs: inertial samples and GNSS fixes.
 
 use nalgebra::{Vector2, Vector3};
 
 use crate::earth::{Geodetic, LatLon, wrap_pi};
 use crate::time::Time;
 
-/// What the two vectors of an [`ImuSample`] are.
+/// Meaning of the two vectors of an [`ImuSample`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -18,8 +18,7 @@ pub enum ImuOutput {
 }
 
 impl ImuOutput {
-    /// What a reading is per unit of a rate that holds over an interval, s: 1 of rates, that interval
-    /// of increments.
+    /// Reading per unit of a constant rate over an interval, s: 1 of rates, that interval of increments.
     pub fn per_rate(self, interval_s: f64) -> f64 {
         match self {
             Self::Rates => 1.0,
@@ -44,7 +43,7 @@ pub struct ImuSample {
 }
 
 /// One-sigma noise of a fix's parts as the receiver states it; none, or not positive, where it does not. A
-/// place known to no better than 100 km, or a velocity to 100 m/s, is as one that is missing.
+/// position with a sigma of 100 km or more, or a velocity with 100 m/s, is taken for missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -83,52 +82,53 @@ pub struct GnssFix {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heading {
-    /// Moment that it shows, on the scale of the inertial stamps and without latency.
+    /// Its time, on the scale of the inertial stamps and without latency.
     pub time: Time,
     /// Of the forward axis, clockwise from true north, within a turn of it, rad.
     pub heading_rad: f64,
-    /// One standard deviation, rad; 1e-5 at least and half a turn at most. It holds by how much the line of
-    /// the antennas, or the compass, may be off the forward axis: there is no parameter for that, and however
-    /// many headings come, they show where the vehicle points no better than to this.
+    /// One standard deviation, rad; 1e-5 at least and half a turn at most. It includes the misalignment of
+    /// the antennas' line, or the compass, to the forward axis: there is no parameter for that, and however
+    /// many headings come, they tell the azimuth no better than to this.
     pub sigma_rad: f64,
 }
 
-/// Height that a barometer shows, above any level: what it changes by counts.
+/// Height of a barometer, above any level: only its changes count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BaroHeight {
-    /// Moment that it shows, on the scale of the inertial stamps.
+    /// Its time, on the scale of the inertial stamps.
     pub time: Time,
     /// Of a standard atmosphere, m.
     pub height_m: f64,
-    /// One standard deviation of the noise of one reading, m: with what wind and the flow about the
-    /// vehicle change within two seconds; above zero, and no less than what it is rounded to. That air is
-    /// warmer or colder than standard is allowed for on top.
+    /// One standard deviation of the noise of one reading, m, including changes of wind and of the flow
+    /// about the vehicle within two seconds; above zero, and no less than its resolution. Air that is
+    /// warmer or colder than standard is allowed for in addition.
     pub sigma_m: f64,
 }
 
-/// Sigmas from which a part is none, m and m/s: without a fix receivers write the largest number they have.
+/// Sigmas from which a part counts as missing, m and m/s: without a fix receivers write the largest number
+/// they have.
 pub(crate) const ANYWHERE_M: f64 = 1e5;
 const ANY_MPS: f64 = 100.0;
 
-/// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.
+/// Speed above which the vehicle moves, m/s, and sigmas of its noise on top.
 const MOTION_MPS: f64 = 0.2;
 const MOTION_SIGMAS: f64 = 4.0;
 
 impl GnssFix {
-    /// The antenna's place, if latitude, longitude and height are all known, or `height_m` where
-    /// the fix has none.
+    /// The antenna's position, if latitude, longitude and height are all known, or `height_m` where the fix
+    /// has none.
     pub fn geodetic_or(&self, height_m: f64) -> Option<Geodetic> {
         let own = Geodetic {
             height_m,
             ..Geodetic::default()
         };
-        self.position.map(|_| self.place_or(&own))
+        self.position.map(|_| self.position_or(&own))
     }
 
-    /// The antenna's place, with what the fix does not have of `own`.
-    pub(crate) fn place_or(&self, own: &Geodetic) -> Geodetic {
+    /// The antenna's position, with `own` for what the fix does not have.
+    pub(crate) fn position_or(&self, own: &Geodetic) -> Geodetic {
         let place = self.position.unwrap_or(own.lat_lon());
         Geodetic {
             latitude_rad: place.latitude_rad,
@@ -137,7 +137,7 @@ impl GnssFix {
         }
     }
 
-    /// The same fix with the antenna at a place.
+    /// The same fix with the antenna at a position.
     #[must_use]
     pub fn at(self, place: &Geodetic) -> Self {
         Self {
@@ -147,7 +147,7 @@ impl GnssFix {
         }
     }
 
-    /// Without what is written where there is nothing: what is stated to be anywhere, and a row of zeros.
+    /// Without placeholders of missing parts: of sigmas beyond any, or all zero.
     #[must_use]
     pub(crate) fn without_placeholders(mut self) -> Self {
         let sigma = &mut self.sigma;
@@ -195,7 +195,7 @@ impl GnssFix {
     }
 }
 
-/// Takes out a part that may be anything.
+/// Removes a part whose sigma is beyond any.
 fn known<T>(part: &mut Option<T>, sigma: &mut Option<f64>, anything: f64) {
     if sigma.is_some_and(|sigma| sigma >= anything) {
         (*part, *sigma) = (None, None);

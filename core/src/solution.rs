@@ -6,13 +6,13 @@ use crate::attitude;
 use crate::earth::Geodetic;
 use crate::time::Time;
 
-/// How far the navigator has come.
+/// Progress of the navigator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Phase {
-    /// Finding roll and pitch (and, at rest, gyro biases); no solution yet, or of an INS that is aligned anew
-    /// what was last known, carried on.
+    /// Finding roll and pitch (and, at rest, gyro biases); no solution yet, or after divergence the last
+    /// one known, propagated.
     #[default]
     Levelling,
     /// Roll and pitch known, heading still to be found from motion; the same of the solution.
@@ -21,12 +21,12 @@ pub enum Phase {
     Navigating,
 }
 
-/// Where the vehicle is and how it moves.
+/// Position, velocity and attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Solution {
-    /// What it holds for: the stamp of the last inertial sample, with increments less its jitter.
+    /// Its time: the stamp of the last inertial sample, with increments less its jitter.
     pub time: Time,
     /// Position on the ellipsoid.
     pub position: Geodetic,
@@ -56,8 +56,7 @@ pub struct SolutionSigma {
     pub attitude_rad: Vector3<f64>,
 }
 
-/// What the sensors measure, less their errors as far as they are taken out; body axes
-/// right-forward-up. Means over the interval that ends at `time`.
+/// Compensated sensor readings; body axes right-forward-up. Means over the interval that ends at `time`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -14,8 +14,8 @@ const INTERVAL_S: f64 = 2.0;
 const LONGEST_S: f64 = 3.0;
 /// Scale error by air warmer or colder than standard, one sigma, 1: 12 K. It is constant for the duration
 /// of a climb, s.
-const WARMER: f64 = 0.04;
-const CLIMBS_S: f64 = 60.0;
+const SCALE_ERROR: f64 = 0.04;
+const CLIMB_DURATION_S: f64 = 60.0;
 
 /// Height at the start of the next climb.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,7 +47,8 @@ pub struct ClimbDifference {
 impl Barometer {
     /// Takes a height; some end a climb.
     ///
-    /// # Errors What is wrong with it.
+    /// # Errors
+    /// What is wrong with it.
     pub fn take(&mut self, height: &BaroHeight) -> Result<Option<Climb>, GnssOutcome> {
         let Some(last) = self.last else {
             self.last = Some(*height);
@@ -69,11 +70,12 @@ impl Barometer {
         }
         let mps = rise_m / seconds;
         let read_m2 = last.sigma_m * last.sigma_m + height.sigma_m * height.sigma_m;
-        let warmer_mps = WARMER * mps;
+        let scale_mps = SCALE_ERROR * mps;
         let climb = Climb {
             time: last.time.plus_seconds(0.5 * seconds),
             mps,
-            variance: read_m2 / (seconds * seconds) + warmer_mps * warmer_mps * CLIMBS_S / seconds,
+            variance: read_m2 / (seconds * seconds)
+                + scale_mps * scale_mps * CLIMB_DURATION_S / seconds,
             seconds,
         };
         Ok((seconds <= LONGEST_S).then_some(climb))

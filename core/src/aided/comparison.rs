@@ -89,7 +89,7 @@ pub struct Comparison {
     pub newest: Time,
     pub before: Time,
     /// Arrival of the newest fix.
-    pub taken: Time,
+    pub arrived: Time,
     /// Latency already compensated, s.
     pub latency_applied_s: f64,
     /// INS minus GNSS, ENU, m/s and m.
@@ -151,7 +151,7 @@ impl Comparison {
         self.climb.average(&next.climb, count, part);
         self.position.average(&next.position, count, part);
         self.height.average(&next.height, count, part);
-        (self.stamp, self.newest, self.taken) = (next.stamp, next.newest, next.taken);
+        (self.stamp, self.newest, self.arrived) = (next.stamp, next.newest, next.arrived);
     }
 
     /// Status of a kind.
@@ -171,7 +171,7 @@ impl Comparison {
 
     /// Closes it if no other fix can join, or none has come for too long.
     pub fn close(&mut self, now: Time) {
-        let late = now.seconds_since(self.taken) > 2.0 * AVERAGING_S;
+        let late = now.seconds_since(self.arrived) > 2.0 * AVERAGING_S;
         if self.step == Step::Gather && (late || self.interval_s() >= AVERAGING_S) {
             self.step = Step::Advance;
         }

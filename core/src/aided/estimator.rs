@@ -15,7 +15,7 @@ use crate::time::Time;
 
 /// Longest span of one time update, s: within it attitude and force change little. Somewhat more than the
 /// fixes that are compared as one.
-const PIECE_S: f64 = 0.35;
+const LONGEST_SPAN_S: f64 = 0.35;
 
 /// The chosen form of the estimators. Both live in place: there is nowhere else.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,15 +114,15 @@ impl Estimator {
         config: &Config,
     ) {
         // In place: it is large.
-        let Some((piece, end)) = &history.next_span(self.horizon(), to, PIECE_S) else {
+        let Some((span, end)) = &history.next_span(self.horizon(), to, LONGEST_SPAN_S) else {
             return;
         };
         match self {
             Self::Exact(observer) => {
-                observer.propagate(piece, *end, frame_rate_radps, accel_mps2, config);
+                observer.propagate(span, *end, frame_rate_radps, accel_mps2, config);
             }
             #[cfg(feature = "literal")]
-            Self::Literal(literal) => literal.propagate(piece, *end),
+            Self::Literal(literal) => literal.propagate(span, *end),
         }
     }
 

@@ -30,11 +30,11 @@ const LEAST_INTERVAL_S: f64 = 0.01;
 /// changes more slowly.
 const POSITION_INTERVAL_S: f64 = 0.45;
 /// Time after which rare heights do not hold the vertical any more, s.
-const UNTOLD_S: f64 = 1.0;
+const UNAIDED_S: f64 = 1.0;
 /// Correlation time of a climb, s: what is assumed of it counts once in so long.
-const CLIMB_S: f64 = 10.0;
+const CLIMB_MEMORY_S: f64 = 10.0;
 /// Interval of the sign test by the accelerometers, s: within the ring, and long against changes of slope.
-const FELT_S: f64 = 0.9;
+const SIGN_INTERVAL_S: f64 = 0.9;
 /// Sigma below which any azimuth error is taken out, rad, and sigmas that it must have otherwise.
 const AZIMUTH_KNOWN_RAD: f64 = 0.035;
 const AZIMUTH_SIGMAS: f64 = 3.0;
@@ -121,7 +121,7 @@ impl<const N: usize> AidedIns<N> {
         {
             return Some(GnssOutcome::TimeNotIncreasing);
         }
-        if self.hole.is_some_and(|hole| hole.holds(moment)) {
+        if self.gap.is_some_and(|gap| gap.holds(moment)) {
             return Some(GnssOutcome::NoInertialData);
         }
         if let Some(comparison) = &mut self.comparison
@@ -173,14 +173,18 @@ impl<const N: usize> AidedIns<N> {
         };
         let now = ClimbSample::of(past, up_mps);
         let seconds = |last: &ClimbSample| now.time.seconds_since(last.time);
-        if self.last_climb.is_some_and(|last| seconds(&last) < FELT_S) {
+        if self
+            .last_climb
+            .is_some_and(|last| seconds(&last) < SIGN_INTERVAL_S)
+        {
             return;
         }
         let last = self.last_climb.replace(now);
-        let Some(last) = last.filter(|last| seconds(last) < 2.0 * FELT_S) else {
+        let Some(last) = last.filter(|last| seconds(last) < 2.0 * SIGN_INTERVAL_S) else {
             return;
         };
-        let felt_mps = now.ins_mps - last.ins_mps - self.control_climb_mps(last.time, now.time);
+        let ins_change_mps =
+            now.ins_mps - last.ins_mps - self.control_climb_mps(last.time, now.time);
         let p = observer.parameters();
         let sigmas = |first: usize| Vector3::from_fn(|axis, _| p.sigma(first + axis));
         let swing = now.swing - last.swing;
@@ -192,15 +196,19 @@ impl<const N: usize> AidedIns<N> {
             + later_mps * later_mps;
         let noise = config.gnss.velocity_up_mps.white;
         let change_mps = up_mps - last.up_mps;
-        self.vertical_sign
-            .test_accel(change_mps, felt_mps, 2.0 * noise * noise, motion_variance);
+        self.vertical_sign.test_accel(
+            change_mps,
+            ins_change_mps,
+            2.0 * noise * noise,
+            motion_variance,
+        );
     }
 
     /// Vertical velocity by the loops between two times, m/s; compensation is no part of it, but of the
     /// sensors.
     fn control_climb_mps(&self, from: Time, to: Time) -> f64 {
-        let piece = self.history.next_span(from, to, f64::INFINITY);
-        piece.map_or(0.0, |(since, _)| {
+        let span = self.history.next_span(from, to, f64::INFINITY);
+        span.map_or(0.0, |(since, _)| {
             let compensated = since.attitude_s * self.compensation.accel_mps2;
             since.control_velocity_mps.z + compensated.z
         })
@@ -216,7 +224,7 @@ impl<const N: usize> AidedIns<N> {
             stamp: fix.time,
             newest: past.time,
             before: self.newest,
-            taken: self.now,
+            arrived: self.now,
             latency_applied_s: self.compensation.latency_s,
             velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
             position_m: self.position_difference(past, fix),
@@ -240,7 +248,7 @@ impl<const N: usize> AidedIns<N> {
         let ins = &self.mechanization;
         let own = ins.position;
         let way_m = past.way_since_m + self.current.way_m;
-        ins.local_earth().enu_between(&fix.place_or(&own), &own) - way_m
+        ins.local_earth().enu_between(&fix.position_or(&own), &own) - way_m
     }
 
     /// Takes a climb of the barometer: with the next fixes, or alone where there are none.
@@ -331,7 +339,7 @@ impl<const N: usize> AidedIns<N> {
         };
         let past = &comparison.past;
         let since_s = comparison.newest.seconds_since(self.last_vertical);
-        if since_s < UNTOLD_S {
+        if since_s < UNAIDED_S {
             return;
         }
         let come = self.climb.take_if(|climb| climb.time <= past.time);
@@ -340,7 +348,7 @@ impl<const N: usize> AidedIns<N> {
                 let pushed_mps = self.control_climb_mps(climb.time, past.time);
                 (climb.mps + pushed_mps, climb.variance)
             }
-            None if since_s > CLIMB_S => (
+            None if since_s > CLIMB_MEMORY_S => (
                 past.velocity_mps.z,
                 config.climb_sigma_mps * config.climb_sigma_mps,
             ),

@@ -31,7 +31,7 @@ use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
-use crate::observer::{AZIMUTH_JUMP, Hole, Observer};
+use crate::observer::{AZIMUTH_JUMP, DataGap, Observer};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -44,14 +44,14 @@ const PENDING: usize = 10;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
 /// A longer gap may have fixes of its own, s.
-const LONG_HOLE_S: f64 = 0.3;
+const LONG_GAP_S: f64 = 0.3;
 /// Time after a measured heading for which it determines the up gyro's bias, and rest, perhaps a slow turn,
 /// does not, s.
 const HEADING_MEMORY_S: f64 = 30.0;
 /// Interval at which an INS without aiding is corrected, s.
 const COAST_S: f64 = 0.5;
 /// Sample time per step of work, s: at ten fixes a second two thirds of these are busy.
-const PIECE_OF_WORK_S: f64 = 0.0101;
+const WORK_STEP_S: f64 = 0.0101;
 /// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
 
@@ -157,7 +157,7 @@ pub struct AidedIns<const N: usize> {
     /// Stamp and velocity difference of the last comparison, ENU, m/s.
     last_comparison: (Time, Vector3<f64>),
     /// A gap that the estimators have not passed.
-    hole: Option<Hole>,
+    gap: Option<DataGap>,
     /// The INS has diverged, and must be aligned anew.
     pub diverged: bool,
     /// Its parameters are wrong as well.
@@ -216,7 +216,7 @@ impl<const N: usize> AidedIns<N> {
             azimuth_totals: AzimuthTotals::default(),
             manoeuvre: Manoeuvre::default(),
             last_comparison: (time, Vector3::zeros()),
-            hole: None,
+            gap: None,
             diverged: false,
             parameters_invalid: false,
         }
@@ -261,7 +261,7 @@ impl<const N: usize> AidedIns<N> {
     pub fn sigma(&self, config: &Config) -> Option<SolutionSigma> {
         let since = self.since_horizon();
         let sigma = self.estimator.exact()?.sigma(&since, config);
-        Some(self.hole.map_or(sigma, |hole| hole.widen(&sigma)))
+        Some(self.gap.map_or(sigma, |gap| gap.widen(&sigma)))
     }
 
     /// Time of the last level aiding, if the controls have ended.
@@ -368,15 +368,15 @@ impl<const N: usize> AidedIns<N> {
 
     /// Inertial samples were missing for `seconds` and interpolated, between readings that differ by rad/s
     /// and m/s^2. The covariance grows when the horizon comes to its end: earlier fixes are not affected.
-    pub fn on_hole(&mut self, seconds: f64, ends_differ: [f64; 2]) {
-        let hole = Hole::after(self.now, seconds, ends_differ);
-        let before = if seconds > LONG_HOLE_S {
-            self.hole.replace(hole)
+    pub fn on_gap(&mut self, seconds: f64, ends_differ: [f64; 2]) {
+        let gap = DataGap::after(self.now, seconds, ends_differ);
+        let before = if seconds > LONG_GAP_S {
+            self.gap.replace(gap)
         } else {
-            Some(hole)
+            Some(gap)
         };
-        if let (Some(hole), Some(observer)) = (before, self.estimator.exact_mut()) {
-            observer.on_hole(&hole);
+        if let (Some(gap), Some(observer)) = (before, self.estimator.exact_mut()) {
+            observer.on_gap(&gap);
         }
     }
 
@@ -406,16 +406,16 @@ impl<const N: usize> AidedIns<N> {
             && self.now <= self.level_until
         {
             self.zero_rate_update(&block, config);
-            left_s -= PIECE_OF_WORK_S;
+            left_s -= WORK_STEP_S;
         }
         if self.history.is_due(self.now, raw.seconds) {
             self.make_room(config);
             self.store_present();
-            left_s -= PIECE_OF_WORK_S;
+            left_s -= WORK_STEP_S;
         }
         while left_s > 0.0 {
             self.work(counts, config);
-            left_s -= PIECE_OF_WORK_S;
+            left_s -= WORK_STEP_S;
         }
     }
 
@@ -500,9 +500,9 @@ impl<const N: usize> AidedIns<N> {
             config,
         );
         let horizon = self.estimator.horizon();
-        let passed = self.hole.take_if(|hole| hole.end <= horizon);
-        if let (Some(hole), Some(observer)) = (passed, self.estimator.exact_mut()) {
-            observer.on_hole(&hole);
+        let passed = self.gap.take_if(|gap| gap.end <= horizon);
+        if let (Some(gap), Some(observer)) = (passed, self.estimator.exact_mut()) {
+            observer.on_gap(&gap);
         }
         self.update_since_horizon(horizon);
     }
@@ -653,8 +653,8 @@ impl<const N: usize> AidedIns<N> {
 
     /// Rotation of the platform by the loops since a time in the ring, rad.
     fn turned_since(&self, time: Time) -> f64 {
-        let piece = self.history.next_span(time, self.now, f64::INFINITY);
-        let since = piece
+        let span = self.history.next_span(time, self.now, f64::INFINITY);
+        let since = span
             .map_or(Span::default(), |(span, _)| span)
             .then(&self.current);
         let compensated = since.attitude_s * self.compensation.gyro_radps;

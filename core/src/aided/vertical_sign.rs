@@ -17,7 +17,7 @@ use crate::time::Time;
 /// Longest time of integration, s: heights wander.
 const WINDOW_S: f64 = 30.0;
 /// Longest interval between two velocities that are integrated, s.
-const HOLE_S: f64 = 3.0;
+const LONGEST_INTERVAL_S: f64 = 3.0;
 /// Log odds that decide, one in 3000, and their bound.
 const DECIDING_ODDS: f64 = 8.0;
 const MOST_ODDS: f64 = 24.0;
@@ -134,7 +134,7 @@ impl VerticalSign {
         let last = self.last.replace(now);
         let change_mps = last.map_or(0.0, |last| up_mps - last.up_mps);
         let seconds = last.map_or(0.0, |last| fix.time.seconds_since(last.time));
-        if seconds > HOLE_S {
+        if seconds > LONGEST_INTERVAL_S {
             self.close();
         } else if let Some(window) = &mut self.window {
             window.climbed_m += seconds * (up_mps - 0.5 * change_mps);
@@ -172,16 +172,22 @@ impl VerticalSign {
 
     /// Adds a velocity change of GNSS beside that of the accelerometers, unless it is too small: with the
     /// variance of the noise, and of what the motion leaves unknown.
-    pub fn test_accel(&mut self, change_mps: f64, felt_mps: f64, noise: f64, motion_variance: f64) {
-        if felt_mps * felt_mps < LEAST_SIGNAL * motion_variance {
+    pub fn test_accel(
+        &mut self,
+        change_mps: f64,
+        ins_change_mps: f64,
+        noise: f64,
+        motion_variance: f64,
+    ) {
+        if ins_change_mps * ins_change_mps < LEAST_SIGNAL * motion_variance {
             return;
         }
         let square = |off_mps: f64| off_mps * off_mps / (noise + motion_variance);
         let keep = 1.0 - 1.0 / MEMORY_CHANGES;
         let felt = &mut self.accel_test;
         felt.changes = keep * felt.changes + 1.0;
-        felt.if_up = keep * felt.if_up + square(change_mps - felt_mps);
-        felt.if_down = keep * felt.if_down + square(change_mps + felt_mps);
+        felt.if_up = keep * felt.if_up + square(change_mps - ins_change_mps);
+        felt.if_down = keep * felt.if_down + square(change_mps + ins_change_mps);
         let [up, down] = [felt.if_up, felt.if_down].map(|square| PRIOR_CHANGES + square);
         felt.log_odds = 0.5 * felt.changes * libm::log(down / up);
     }

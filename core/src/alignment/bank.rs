@@ -42,7 +42,7 @@ const LENGTH_ERROR: f64 = 0.1;
 /// Sigmas to navigate on at once: within them the estimators are linear.
 const ROTATION_SIGMA_RAD: f64 = 0.06;
 const TILT_SIGMA_RAD: f64 = 0.05;
-const SHIFT_SIGMA_S: f64 = 0.1;
+const FOUND_LATENCY_SIGMA_S: f64 = 0.1;
 /// Time in motion after which twice as much is accepted, and so on, up to the largest factor: 0.36 rad of
 /// heading, 0.3 of tilt, 0.6 s.
 const PATIENCE_S: f64 = 30.0;
@@ -275,8 +275,8 @@ impl Bank {
     pub(crate) fn answer(&mut self, known: &Parameters) -> Answer {
         let mixture = self.mixture(known);
         self.leader = mixture.best;
-        let falls = self.leader().is_some_and(|c| c.falls(self.start));
-        if falls || !mixture.rotation_sigma_rad.is_finite() {
+        let is_falling = self.leader().is_some_and(|c| c.is_falling(self.start));
+        if is_falling || !mixture.rotation_sigma_rad.is_finite() {
             return Answer::Wrong;
         }
         if !self.has_moved() {
@@ -287,7 +287,7 @@ impl Bank {
         let found = &mixture.found;
         let good = mixture.rotation_sigma_rad < factor * ROTATION_SIGMA_RAD
             && found.tilt_sigma_rad < factor * TILT_SIGMA_RAD
-            && mixture.latency_sigma_s < factor * SHIFT_SIGMA_S;
+            && mixture.latency_sigma_s < factor * FOUND_LATENCY_SIGMA_S;
         if !good {
             return Answer::Wait;
         }

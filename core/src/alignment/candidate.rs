@@ -67,7 +67,7 @@ const OUTLIER_SIGMAS: f32 = 3.0;
 const KNOWN_ANGLE_RAD: f64 = 0.35;
 /// Sigma beyond which it is forgotten, and least length of cosine and sine that has an angle.
 const LOST_ANGLE_RAD: f64 = 0.6;
-const SEEN_LENGTH: f64 = 0.2;
+const LEAST_LENGTH: f64 = 0.2;
 /// Sigma of an unknown angle, rad: above any, and finite, for not every format of a serialized state has
 /// infinities.
 const UNKNOWN_ANGLE_RAD: f32 = f32::MAX;
@@ -135,14 +135,14 @@ pub(crate) struct Candidate {
     velocity_before_mps: Vector2<f32>,
     level_before: Matrix2x3<f32>,
     /// Velocity at the last observation.
-    seen_mps: Vector2<f32>,
+    last_mps: Vector2<f32>,
     /// Regressor `d`: gain of GNSS velocity that counts as motion, m/s.
-    moved_mps: Vector2<f32>,
+    regressor_mps: Vector2<f32>,
     /// Sums of the squares of INS and of GNSS motion, (m/s)^2.
     ins_power: f32,
     gnss_power: f32,
     /// The last gain that differed by more than noise, and time since then.
-    mark_mps: Vector2<f32>,
+    last_change_mps: Vector2<f32>,
     steady_s: f32,
     last_observation: Time,
     /// Acceleration of the antenna, smoothed, and at the first observation.
@@ -207,11 +207,11 @@ impl Candidate {
             risen_mps: 0.0,
             velocity_before_mps: Vector2::zeros(),
             level_before: Matrix2x3::zeros(),
-            seen_mps: Vector2::zeros(),
-            moved_mps: Vector2::zeros(),
+            last_mps: Vector2::zeros(),
+            regressor_mps: Vector2::zeros(),
             ins_power: 0.0,
             gnss_power: 0.0,
-            mark_mps: Vector2::zeros(),
+            last_change_mps: Vector2::zeros(),
             steady_s: 0.0,
             last_observation: start.time,
             accel_mps2: Vector2::zeros(),
@@ -226,7 +226,7 @@ impl Candidate {
     }
 
     /// Whether it has fallen since the start as no vehicle does: its level is wrong.
-    pub(crate) fn falls(&self, start: Time) -> bool {
+    pub(crate) fn is_falling(&self, start: Time) -> bool {
         let seconds = self.time.seconds_since(start);
         seconds > FALLING_S && f64::from(self.risen_mps) < -FALLING_MPS2 * seconds
     }
@@ -319,7 +319,7 @@ impl Candidate {
             Predicted {
                 velocity_mps: moment.velocity_mps,
                 accel_mps2: self.accel_mps2,
-                back_s: moment.seconds,
+                offset_s: moment.seconds,
                 swing_radps: moment.swing_radps,
             }
         };
@@ -330,22 +330,22 @@ impl Candidate {
         self.gnss_power += d.norm_squared();
         let since_s = observation.time.seconds_since(self.last_observation);
         self.last_observation = observation.time;
-        let spurious = self.motion(d, antenna, white, since_s);
-        let moved = self.moved_mps;
+        let spurious = self.regressor(d, antenna, white, since_s);
+        let regressor = self.regressor_mps;
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
         let late = self.covariance.variance(LATENCY);
         let noise = observation.shared * white
             + 0.5 * late * late * moment.jerk_mps3.norm_squared()
-            + 0.5 * unknown * (d - moved).norm_squared();
+            + 0.5 * unknown * (d - regressor).norm_squared();
         let late = predicted.accel_mps2 - self.first_accel_mps2;
         let (force, swing) = (&moment.force_mps2, &predicted.swing_radps);
         let rows = [
-            row(0, moved, predicted.back_s, force, late.x, swing),
+            row(0, regressor, predicted.offset_s, force, late.x, swing),
             row(
                 1,
-                rotated_right(moved),
-                predicted.back_s,
+                right_of(regressor),
+                predicted.offset_s,
                 force,
                 late.y,
                 swing,
@@ -353,12 +353,12 @@ impl Candidate {
         ];
         let residual = [
             antenna.x - self.rotation.dot(&d),
-            antenna.y - self.rotation.dot(&rotated_right(d)),
+            antenna.y - self.rotation.dot(&right_of(d)),
         ];
-        self.seen_mps = predicted.velocity_mps;
+        self.last_mps = predicted.velocity_mps;
         let misfit = self.fuse_both(&rows, residual, noise, spurious);
         self.normalize();
-        self.rotate_reference(moved);
+        self.rotate_reference(regressor);
         if self.steady_s > STEADY_S && self.angle_is_lost() {
             self.forget_angle();
             self.begin(observation, moment.velocity_mps, swing);
@@ -413,20 +413,20 @@ impl Candidate {
 
     /// Updates the regressor: from the INS by the known angle, without noise; if GNSS contradicts that, or
     /// without an angle, from GNSS while it changes by more than noise. Returns the variance of its noise.
-    fn motion(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) -> f32 {
+    fn regressor(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) -> f32 {
         let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
         self.steady_s += single(since_s);
-        if (d - self.mark_mps).norm_squared() > least {
-            self.mark_mps = d;
+        if (d - self.last_change_mps).norm_squared() > least {
+            self.last_change_mps = d;
             self.steady_s = 0.0;
         }
         let (cos, sin) = (self.rotation.x, self.rotation.y);
         let predicted = Vector2::new(cos * seen.x - sin * seen.y, sin * seen.x + cos * seen.y);
         if self.knows_angle() && (d - predicted).norm_squared() < least {
-            self.moved_mps = predicted;
+            self.regressor_mps = predicted;
         } else if self.steady_s < HOLD_S {
             let part = single(since_s / (since_s + MEAN_S));
-            self.moved_mps += part * (d - self.moved_mps);
+            self.regressor_mps += part * (d - self.regressor_mps);
             return UNDERSTATED * white * part / (2.0 - part);
         }
         0.0
@@ -495,11 +495,11 @@ impl Candidate {
         self.first_mps = Some(first.velocity_mps);
         self.way_m = Vector2::zeros();
         self.velocity_before_mps = Vector2::zeros();
-        self.seen_mps = Vector2::zeros();
-        self.moved_mps = Vector2::zeros();
+        self.last_mps = Vector2::zeros();
+        self.regressor_mps = Vector2::zeros();
         self.ins_power = 0.0;
         self.gnss_power = 0.0;
-        self.mark_mps = Vector2::zeros();
+        self.last_change_mps = Vector2::zeros();
         self.steady_s = 0.0;
         self.last_observation = first.time;
         self.first_accel_mps2 = self.accel_mps2;
@@ -534,7 +534,7 @@ impl Candidate {
     fn normalize(&mut self) {
         let (turn, grow) = self.directions();
         let angle = self.covariance.sigma_of(&turn);
-        let seen = math::sqrt(f64::from(self.rotation.norm_squared())) > SEEN_LENGTH;
+        let seen = math::sqrt(f64::from(self.rotation.norm_squared())) > LEAST_LENGTH;
         self.angle_sigma_rad = if seen {
             single(angle)
         } else {
@@ -557,9 +557,9 @@ impl Candidate {
     /// Refers the rotation to the present frame: `(c, s)` turn by the frame's turn since the last time, `e`
     /// by the effect on the velocity. A turn before the heading is known is thus forgotten: any rotation is
     /// as likely as another.
-    fn rotate_reference(&mut self, moved: Vector2<f32>) {
+    fn rotate_reference(&mut self, regressor: Vector2<f32>) {
         let turn = self.rotation;
-        let (x, y) = (turn.dot(&moved), turn.dot(&rotated_right(moved)));
+        let (x, y) = (turn.dot(&regressor), turn.dot(&right_of(regressor)));
         let p = &mut self.covariance;
         p.shear(COS, TILT + 2, -turn.y);
         p.shear(SIN, TILT + 2, turn.x);
@@ -594,7 +594,7 @@ impl Candidate {
         let error = Vector2::new(at(ERROR), at(ERROR + 1));
         self.velocity_mps -= error;
         self.velocity_before_mps -= error;
-        self.seen_mps -= error;
+        self.last_mps -= error;
         let mut tilt = Vector3::new(wide(TILT), wide(TILT + 1), wide(TILT + 2));
         let size = math::sqrt(tilt.norm_squared());
         if size > LARGEST_TURN_RAD {
@@ -634,7 +634,7 @@ impl Candidate {
 
     /// Velocity gained since the last observation, turned to east and north, m/s.
     pub(crate) fn gained_en_mps(&self) -> Vector2<f64> {
-        let u = (self.velocity_mps - self.seen_mps).map(f64::from);
+        let u = (self.velocity_mps - self.last_mps).map(f64::from);
         let turn = self.rotation.map(f64::from);
         let length = math::max(math::sqrt(turn.norm_squared()), 1e-3);
         let (cos, sin) = (turn.x / length, turn.y / length);
@@ -648,7 +648,7 @@ fn limited(ratio: f32) -> f32 {
 }
 
 /// Regressor of the sine, for the second component.
-fn rotated_right(d: Vector2<f32>) -> Vector2<f32> {
+fn right_of(d: Vector2<f32>) -> Vector2<f32> {
     Vector2::new(d.y, -d.x)
 }
 
@@ -665,7 +665,7 @@ fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
 
 /// Largest sigma of a gyro bias, rad/s.
 #[inline(never)]
-pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
+pub(crate) fn largest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
     (0..3).fold(0.0, |widest, axis| {
         math::max(widest, gyro_sigma(known, axis, config))
     })
@@ -691,7 +691,7 @@ impl Moment {
         Predicted {
             velocity_mps: self.way_m / span_s,
             accel_mps2: (self.velocity_mps - velocity_mps) / span_s,
-            back_s: self.seconds - 0.5 * span_s,
+            offset_s: self.seconds - 0.5 * span_s,
             swing_radps: (self.level - level) / span_s,
         }
     }
@@ -702,7 +702,7 @@ struct Predicted {
     velocity_mps: Vector2<f32>,
     accel_mps2: Vector2<f32>,
     /// Time after that of the INS, s.
-    back_s: f32,
+    offset_s: f32,
     swing_radps: Matrix2x3<f32>,
 }
 
@@ -732,16 +732,16 @@ fn level_rows(to_level: &Matrix3<f64>) -> Matrix2x3<f32> {
     to_level.fixed_rows::<2>(0).map(single)
 }
 
-/// Partials of a component of `u`, `back_s` after the INS's time.
+/// Partials of a component of `u`, `offset_s` after the INS's time.
 fn row(
     axis: usize,
-    moved: Vector2<f32>,
-    back_s: f32,
+    regressor: Vector2<f32>,
+    offset_s: f32,
     force: &Vector3<f32>,
     late: f32,
     swing: &Matrix2x3<f32>,
 ) -> Row {
-    let (x, y, z) = (back_s * force.x, back_s * force.y, back_s * force.z);
+    let (x, y, z) = (offset_s * force.x, offset_s * force.y, offset_s * force.z);
     let [error_x, error_y, tilt_x, tilt_y, turn] = if axis == 0 {
         [1.0, 0.0, 0.0, -z, y]
     } else {
@@ -757,8 +757,8 @@ fn row(
         0.0,
         0.0,
         0.0,
-        moved.x,
-        moved.y,
+        regressor.x,
+        regressor.y,
         late,
         arm(0),
         arm(1),

@@ -16,7 +16,7 @@ pub mod rest;
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
 use self::bank::{Answer, Bank, Mixture};
-use self::candidate::{Start, widest_gyro_sigma};
+use self::candidate::{Start, largest_gyro_sigma};
 use self::coarse::{CoarseLevel, Level};
 use self::levelling::{RestMean, UNSEEN_RADPS};
 use self::nodes::Nodes;
@@ -151,8 +151,8 @@ pub struct Alignment {
     /// position.
     velocity_mps: Vector3<f64>,
     climb_known: bool,
-    place: Geodetic,
-    placed: Option<Time>,
+    position: Geodetic,
+    position_time: Option<Time>,
     /// Variance of position and height since an INS diverged, until fixes measure them again, m^2.
     stale_variance: [f64; 2],
     observations: Observations,
@@ -178,8 +178,8 @@ impl Alignment {
             rest: RestMean::default(),
             velocity_mps: Vector3::zeros(),
             climb_known: false,
-            place: Geodetic::default(),
-            placed: None,
+            position: Geodetic::default(),
+            position_time: None,
             stale_variance: [0.0; 2],
             observations: Observations::default(),
             measured: None,
@@ -199,8 +199,8 @@ impl Alignment {
         self.bad_headings = bad_headings;
         self.stale_variance = position_variance;
         if let Some(ins) = left {
-            self.place = ins.position;
-            self.placed = Some(self.start);
+            self.position = ins.position;
+            self.position_time = Some(self.start);
             self.stage = Stage::Begin(resumed(ins.attitude));
         }
     }
@@ -267,13 +267,13 @@ impl Alignment {
             self.age_parameters(time, config);
         }
         match &self.stage {
-            Stage::Levelling(_) => self.level_on(time, interval, verdict, config),
+            Stage::Levelling(_) => self.continue_levelling(time, interval, verdict, config),
             Stage::Begin(level) => {
                 let level = *level;
-                self.find(time, &level, config);
+                self.start_search(time, &level, config);
             }
             Stage::Searching(_) => {
-                self.find_on(time, interval, config);
+                self.continue_search(time, interval, config);
                 if let Some(verdict) = verdict {
                     self.relevel(time, verdict, config);
                 }
@@ -291,23 +291,26 @@ impl Alignment {
         self.climb_known |= fix
             .velocity_up_mps
             .is_some_and(|up_mps| math::abs(up_mps) > 0.0);
-        if let Some(placed) = self.placed
+        if let Some(position_time) = self.position_time
             && fix.position.is_none()
         {
-            let since_s = fix.time.seconds_since(placed);
+            let since_s = fix.time.seconds_since(position_time);
             if math::abs(since_s) < OLDEST_FIX_S {
-                let mut ins =
-                    Mechanization::new(self.place, self.velocity_mps, UnitQuaternion::identity());
+                let mut ins = Mechanization::new(
+                    self.position,
+                    self.velocity_mps,
+                    UnitQuaternion::identity(),
+                );
                 ins.extrapolate(since_s);
-                self.place = ins.position;
-                self.placed = Some(fix.time);
+                self.position = ins.position;
+                self.position_time = Some(fix.time);
             }
         }
-        self.place = fix.place_or(&self.place);
+        self.position = fix.position_or(&self.position);
         let [position, height] = &mut self.stale_variance;
         let gnss = &config.gnss;
         if fix.position.is_some() {
-            self.placed = Some(fix.time);
+            self.position_time = Some(fix.time);
             *position = beyond(fix.sigma.position_m, &gnss.position_m);
         }
         if fix.height_m.is_some() {
@@ -387,7 +390,7 @@ impl Alignment {
         }
         match config.heading {
             HeadingSource::Given(heading_rad) if self.first => {
-                let drift_rad = self.moved_s(time) * widest_gyro_sigma(&self.known, config);
+                let drift_rad = self.moved_s(time) * largest_gyro_sigma(&self.known, config);
                 Some((heading_rad + turned_rad, HEADING_SIGMA_RAD + drift_rad))
             }
             _ => None,
@@ -438,7 +441,7 @@ impl Alignment {
 
     /// Levelling takes an interval.
     #[inline(never)]
-    fn level_on(
+    fn continue_levelling(
         &mut self,
         time: Time,
         interval: &Interval,
@@ -458,7 +461,7 @@ impl Alignment {
     #[inline(never)]
     fn level(&mut self, time: Time, verdict: &Verdict, config: &Config) -> Option<Levelled> {
         if let Verdict::Rest(block) = verdict {
-            self.rest_on(time, block, config);
+            self.add_rest(time, block, config);
         }
         let moving = verdict.moves();
         let Some(earth) = self.earth() else {
@@ -490,7 +493,7 @@ impl Alignment {
         let Stage::Levelling(coarse) = &self.stage else {
             return None;
         };
-        let level = coarse.level(widest_gyro_sigma(&self.known, config))?;
+        let level = coarse.level(largest_gyro_sigma(&self.known, config))?;
         let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && coarse.is_long());
         let rate_radps = verdict.block().rate_radps - self.known.vector(index::GYRO);
         let turning_radps = -(matrix(&level.attitude) * rate_radps).z;
@@ -503,10 +506,10 @@ impl Alignment {
 
     /// Takes a block of rest; if the gyro biases have changed, the known ones are dropped. An even turn
     /// looks alike: only GNSS separates it from rest. Whether it was taken.
-    fn rest_on(&mut self, time: Time, block: &RestBlock, config: &Config) -> bool {
+    fn add_rest(&mut self, time: Time, block: &RestBlock, config: &Config) -> bool {
         let agrees = self.rest.agrees(block, &config.sensors);
         let off = math::largest(&(block.rate_radps - self.known.vector(index::GYRO)));
-        let credible = UNSEEN_RADPS + widest_gyro_sigma(&self.known, config);
+        let credible = UNSEEN_RADPS + largest_gyro_sigma(&self.known, config);
         let recent = |last: Time| time.seconds_since(last) < RECENT_FIX_S;
         if !((agrees && off < AGREES_SIGMAS * credible)
             || self.observations.last().is_some_and(recent))
@@ -572,22 +575,23 @@ impl Alignment {
             latitude_rad,
             height_m,
             ..
-        } = self.place;
-        self.placed.map(|_| LocalEarth::at(latitude_rad, height_m))
+        } = self.position;
+        self.position_time
+            .map(|_| LocalEarth::at(latitude_rad, height_m))
     }
 
     /// Ends levelling: with a heading, or with the search for one.
     fn end_levelling(&mut self, time: Time, levelled: &Levelled, config: &Config) {
         let level = &levelled.level;
         let Some((heading_rad, sigma_rad)) = levelled.heading else {
-            self.find(time, level, config);
+            self.start_search(time, level, config);
             return;
         };
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
         let [position_variance, _] = self.stale_variance;
         let attitude = turned(&level.attitude, heading_rad);
         self.stage = Stage::Aligned(Aligned {
-            ins: Mechanization::new(self.place, self.velocity_mps, attitude),
+            ins: Mechanization::new(self.position, self.velocity_mps, attitude),
             tilt_sigma_rad: math::max(level.tilt_sigma_rad, LEVEL_SIGMA_RAD),
             source: levelled.source,
             climb_variance: self.climb_variance(config),
@@ -604,24 +608,24 @@ impl Alignment {
     }
 
     /// Starts the search for the heading.
-    fn find(&mut self, time: Time, level: &Level, config: &Config) {
+    fn start_search(&mut self, time: Time, level: &Level, config: &Config) {
         let Some(earth) = self.earth() else {
             return;
         };
         let rate = earth.earth_rate();
         // The search has no accelerometer biases.
-        let leant = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
+        let bias_tilt = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
         let start = Start {
             time,
             attitude: level.attitude,
-            tilt_sigma_rad: math::max(level.tilt_sigma_rad, 2.0 * leant + LEVEL_SIGMA_RAD),
+            tilt_sigma_rad: math::max(level.tilt_sigma_rad, 2.0 * bias_tilt + LEVEL_SIGMA_RAD),
             earth_rate_radps: Vector2::new(rate.y, rate.z),
         };
-        self.find_from(&start, config);
+        self.start_search_at(&start, config);
     }
 
     #[inline(never)]
-    fn find_from(&mut self, start: &Start, config: &Config) {
+    fn start_search_at(&mut self, start: &Start, config: &Config) {
         self.stage = Stage::Searching(Search {
             nodes: Nodes::default(),
             bank: Bank::new(start, &self.known, config),
@@ -640,13 +644,13 @@ impl Alignment {
         };
         match verdict {
             Verdict::Motion(_) => self.rest = RestMean::default(),
-            Verdict::Rest(block) if !bank.has_moved() && self.rest_on(time, &block, config) => {
+            Verdict::Rest(block) if !bank.has_moved() && self.add_rest(time, &block, config) => {
                 let Some(earth) = self.earth() else {
                     return;
                 };
                 let levelled = self.level_from_rest(time, &earth, config);
                 if self.rest.seconds < GYROCOMPASS_S {
-                    self.find(time, &levelled.level, config);
+                    self.start_search(time, &levelled.level, config);
                 } else {
                     self.end_levelling(time, &levelled, config);
                 }
@@ -678,7 +682,7 @@ impl Alignment {
     /// The search takes an interval, and works off nodes and observations in proportion to its duration.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     #[inline(never)]
-    fn find_on(&mut self, time: Time, interval: &Interval, config: &Config) {
+    fn continue_search(&mut self, time: Time, interval: &Interval, config: &Config) {
         let force_mps = self.compensated(interval).force_mps;
         let Stage::Searching(search) = &mut self.stage else {
             return;
@@ -745,7 +749,8 @@ impl Alignment {
     /// Hands over, at the end of a node.
     #[inline(never)]
     fn finish(&mut self, time: Time, best: u8, config: &Config) {
-        let (Stage::Searching(Search { bank, .. }), Some(placed)) = (&self.stage, self.placed)
+        let (Stage::Searching(Search { bank, .. }), Some(position_time)) =
+            (&self.stage, self.position_time)
         else {
             return;
         };
@@ -757,8 +762,8 @@ impl Alignment {
         };
         let found = candidate.found();
         let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
-        let mut ins = Mechanization::new(self.place, velocity, *candidate.attitude());
-        let age_s = time.seconds_since(placed) + self.known.value(index::LATENCY);
+        let mut ins = Mechanization::new(self.position, velocity, *candidate.attitude());
+        let age_s = time.seconds_since(position_time) + self.known.value(index::LATENCY);
         let [mut position_variance, _] = self.stale_variance;
         if math::abs(age_s) < OLDEST_FIX_S {
             ins.extrapolate(age_s);

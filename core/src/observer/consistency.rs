@@ -14,7 +14,7 @@ const LEAST_GAIN: f32 = 0.02;
 /// Bound on the normalized square of a change: of normal ones one in 16,000 is larger.
 const LARGEST_SQUARE: f32 = 16.0;
 /// Checks over which the squares are averaged: their mean is good to a fifth, and 1.5 beyond chance.
-const LOOKS: f32 = 20.0;
+const MEMORY_CHECKS: f32 = 20.0;
 const INCONSISTENT: f32 = 1.5;
 /// Part of the lost variance that is added back per unit of the mean square beyond that: with changes twice
 /// too large the variance does not fall any more.
@@ -89,7 +89,7 @@ impl Consistency {
             return 0.0;
         }
         let bounded = math::min(moved * moved / gained, LARGEST_SQUARE);
-        self.mean += (bounded - self.mean) / LOOKS;
+        self.mean += (bounded - self.mean) / MEMORY_CHECKS;
         self.recent = Move::at(variance);
         gained * math::min(REINFLATION * (self.mean - INCONSISTENT), MOST_REINFLATION)
     }

@@ -32,7 +32,7 @@ const CREDIBLE_SIGMAS: f64 = 30.0;
 const LEAST_LATENCY_SIGMA_S: f64 = 0.1;
 const CREDIBLE_TILT_RAD: f64 = 1.0;
 /// More than multipath makes a receiver err by, m.
-const REFLECTED_M: f64 = 1e3;
+const MULTIPATH_M: f64 = 1e3;
 /// Rate and acceleration of an ordinary manoeuvre hidden by a gap of a second, rad/s and m/s^2:
 /// proportionally less by a shorter one, and no more by a longer one.
 const HIDDEN_RADPS: f64 = 0.1;
@@ -43,7 +43,7 @@ const HIDDEN_S: f64 = 1.0;
 /// difference of the readings at both ends, and by an ordinary manoeuvre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Hole {
+pub struct DataGap {
     start: Time,
     /// First sample after it.
     pub end: Time,
@@ -53,7 +53,7 @@ pub struct Hole {
     azimuth: f64,
 }
 
-impl Hole {
+impl DataGap {
     /// Begins at a sample and lasts for `seconds`; the readings differ by rad/s and m/s^2.
     pub fn after(start: Time, seconds: f64, [rate, accel]: [f64; 2]) -> Self {
         let part = math::min(seconds / HIDDEN_S, 1.0);
@@ -92,12 +92,12 @@ impl Hole {
 
 impl Observer {
     /// The horizon has reached the end of a gap.
-    pub fn on_hole(&mut self, hole: &Hole) {
-        self.level.add_variance(hole.velocity, hole.tilt);
-        self.vertical.add_variance(hole.velocity, 0.0);
-        self.level.add_position_variance(hole.position);
-        self.vertical.add_position_variance(hole.position);
-        self.azimuth_walk += hole.azimuth;
+    pub fn on_gap(&mut self, gap: &DataGap) {
+        self.level.add_variance(gap.velocity, gap.tilt);
+        self.vertical.add_variance(gap.velocity, 0.0);
+        self.level.add_position_variance(gap.position);
+        self.vertical.add_position_variance(gap.position);
+        self.azimuth_walk += gap.azimuth;
     }
 
     /// A parameter has jumped by a size of this variance, some time before detection: part of the INS error
@@ -247,7 +247,7 @@ impl Observer {
         config: &Config,
     ) {
         let (noise, range) = (kind.noise(config), config.gnss.noise_range);
-        let far = error.norm_squared() > REFLECTED_M * REFLECTED_M;
+        let far = error.norm_squared() > MULTIPATH_M * MULTIPATH_M;
         let [_, most] = range;
         let offset_variance = if far {
             most * most * noise.variance()

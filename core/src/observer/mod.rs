@@ -26,7 +26,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 
 use self::coloured_noise::{ColouredNoise, CorrelationTime, FilterSensitivity};
 use self::consistency::Consistency;
-pub use self::divergence::{Hole, RESET_MPS};
+pub use self::divergence::{DataGap, RESET_MPS};
 use self::error_state::{ErrorState, INITIAL_SENSITIVITIES};
 pub use self::jump::AZIMUTH as AZIMUTH_JUMP;
 use self::jump::Jump;
@@ -283,7 +283,7 @@ impl Observer {
             };
             let jump = self.jumps.get_mut(number);
             if let Some(variance) = jump.and_then(|jump| jump.detect(known, inflation, test))
-                && !config.gives(*which)
+                && !config.is_given(*which)
             {
                 self.on_jump(*which, variance);
                 if *which == index::AZIMUTH && heading_aided {

@@ -133,18 +133,18 @@ impl Observer {
     /// process noise: of errors proportional to the turn and not to its square root.
     fn add_manoeuvre_noise(&mut self, span: &Span, config: &Config) {
         let up = span.attitude_s.row(2).transpose() / span.seconds;
-        let tipped = self.tilt_transient.grow(&(up - self.up), span.seconds);
+        let tilt_growth = self.tilt_transient.grow(&(up - self.up), span.seconds);
         self.up = up;
         self.force_mps2 = span.attitude_s.tr_mul(&span.force_mps) / (span.seconds * span.seconds);
         let cross = config.sensors.cross_axis_variance();
-        let tilt = cross * tipped;
+        let tilt = cross * tilt_growth;
         self.level.add_variance(0.0, tilt);
         self.azimuth_walk += tilt;
-        let pull = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
-        let pulled = self.velocity_transient.grow(&pull, span.seconds);
-        self.level.add_variance(cross * pulled, 0.0);
+        let level_force = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
+        let force_growth = self.velocity_transient.grow(&level_force, span.seconds);
+        self.level.add_variance(cross * force_growth, 0.0);
         // Level force on a tilted platform, as in a steep bank: otherwise the channels are independent.
         self.vertical
-            .add_variance((2.0 * cross + self.level.tilt()) * pulled, 0.0);
+            .add_variance((2.0 * cross + self.level.tilt()) * force_growth, 0.0);
     }
 }

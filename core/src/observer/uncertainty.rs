@@ -54,7 +54,7 @@ impl Observer {
 
     /// Sigmas of position, velocity and attitude, ENU, propagated from the horizon over `since`.
     pub fn sigma(&self, since: &Span, config: &Config) -> SolutionSigma {
-        let unseen = 0.5 * self.unobservable_tilt(config).sum();
+        let unobservable = 0.5 * self.unobservable_tilt(config).sum();
         let (level, up) = (&self.level, &self.vertical);
         let [velocity, climb, position, height] = self.inflations();
         let sigma = |level: f64, up: f64, added: &Vector3<f32>, inflation_up: f64| {
@@ -63,18 +63,17 @@ impl Observer {
             (Vector3::new(level, level, up) + added).map(math::sqrt)
         };
         let added = &self.parameter_variance;
-        let tilt = level.tilt() * velocity + unseen;
+        let tilt = level.tilt() * velocity + unobservable;
         let attitude_rad = sigma(tilt, self.azimuth_walk, &added.tilt_rad, velocity);
-        let moves = [level.velocity() * velocity, up.velocity() * climb];
-        let lies = [level.position() * position, up.position() * height];
-        let mut velocity_mps = sigma(moves[0], moves[1], &added.velocity_mps, climb);
-        let mut position_m = sigma(lies[0], lies[1], &added.position_m, climb);
+        let velocities = [level.velocity() * velocity, up.velocity() * climb];
+        let positions = [level.position() * position, up.position() * height];
+        let mut velocity_mps = sigma(velocities[0], velocities[1], &added.velocity_mps, climb);
+        let mut position_m = sigma(positions[0], positions[1], &added.position_m, climb);
         // Errors since the horizon have one cause, and add up linearly in an outage.
-        let pulled_mps = tilted_force_sigma(&since.force_mps, &attitude_rad);
-        let grown =
-            |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
-        position_m += (velocity_mps + 0.5 * pulled_mps) * since.seconds;
-        velocity_mps = velocity_mps.zip_map(&pulled_mps, grown);
+        let tilted_mps = tilted_force_sigma(&since.force_mps, &attitude_rad);
+        let rss = |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
+        position_m += (velocity_mps + 0.5 * tilted_mps) * since.seconds;
+        velocity_mps = velocity_mps.zip_map(&tilted_mps, rss);
         // While fixes that agree are refused, either may be wrong.
         let [velocity, climb, position, height] =
             (self.innovations.each_ref()).map(|kind| kind.rejected_offset(self.horizon));
@@ -83,8 +82,8 @@ impl Observer {
         };
         let level = of(velocity, position, Kind::Velocity);
         let up = of(climb, height, Kind::Climb);
-        velocity_mps = velocity_mps.zip_map(&level.push(up.x), grown);
-        position_m = position_m.zip_map(&position[0].push(height[0].x), grown);
+        velocity_mps = velocity_mps.zip_map(&level.push(up.x), rss);
+        position_m = position_m.zip_map(&position[0].push(height[0].x), rss);
         SolutionSigma {
             position_m,
             velocity_mps,

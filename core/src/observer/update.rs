@@ -17,7 +17,7 @@ type Partials<const R: usize> = [[f32; R]; COUNT];
 
 /// Square of the jerk that aliasing of a swing of unit velocity variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
-const SWING_PER_S4: f64 = 6e4;
+const ALIASING_PER_S4: f64 = 6e4;
 
 /// Sigmas by which the smoothing must differ from zero before the ring applies it in full: applied from the
 /// start, a swing that is out of phase by a wrong latency would hold it at zero.
@@ -277,7 +277,7 @@ impl Observer {
         let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
         let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
         // Vibration hardly shows in positions.
-        let (first, second, swing, unseen) = match kind.measured() {
+        let (first, second, swing, unresolved) = match kind.measured() {
             Measured::Velocity => (
                 &past.accel_mps2,
                 &past.jerk_mps3,
@@ -291,10 +291,10 @@ impl Observer {
                 0.0,
             ),
         };
-        let turned = 0.5 * azimuth * first.norm_squared();
-        let swung = arm * swing.norm_squared() / 3.0;
-        let bent = 0.25 * latency * second.norm_squared();
-        unseen + latency * (bent + swung + turned)
+        let by_azimuth = 0.5 * azimuth * first.norm_squared();
+        let by_arm = arm * swing.norm_squared() / 3.0;
+        let by_jerk = 0.25 * latency * second.norm_squared();
+        unresolved + latency * (by_jerk + by_arm + by_azimuth)
     }
 
     /// Variance of the third-order term: delays distributed exponentially with variance `s` have a third
@@ -334,8 +334,8 @@ impl Observer {
         } else {
             0.0
         };
-        let [seen, bent] = self.arm_rows(past, measured, config);
-        let (arm_jerk_mps3, seen_arm) = (bent * arm_m, seen * arm_m);
+        let [arm_rows, arm_curvature] = self.arm_rows(past, measured, config);
+        let (arm_jerk_mps3, arm_effect) = (arm_curvature * arm_m, arm_rows * arm_m);
         let jerk_mps3 = past.jerk_mps3 + arm_jerk_mps3;
         let (part, by_latency, by_smoothing) = match measured {
             Measured::Velocity => {
@@ -350,7 +350,7 @@ impl Observer {
         };
         let by_latency = by_latency * self.latency_gain(past, kind, &by_latency);
         let jerk2 = arm_jerk_mps3.norm_squared();
-        let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
+        let by_azimuth = Vector3::new(arm_effect.y, -arm_effect.x, 0.0);
         ReceiverModel {
             arm_m,
             by_latency,
@@ -358,10 +358,10 @@ impl Observer {
             // Of half a second the second order is decimetres.
             delay_part: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
             by_smoothing,
-            by_lever_arm: seen + bent * (part * self.smoothing_s2()),
-            arm_part: by_azimuth * tilt.z - seen_arm,
+            by_lever_arm: arm_rows + arm_curvature * (part * self.smoothing_s2()),
+            arm_part: by_azimuth * tilt.z - arm_effect,
             by_azimuth,
-            arm_snap2: jerk2 * math::sqrt(jerk2 / (seen_arm.norm_squared() + 1e-6)),
+            arm_snap2: jerk2 * math::sqrt(jerk2 / (arm_effect.norm_squared() + 1e-6)),
         }
     }
 
@@ -370,7 +370,7 @@ impl Observer {
     /// noise; and rates within gyro noise, which drives the INS as well, give none: either would bias the
     /// arm (errors in variables).
     fn arm_rows(&self, past: &PastState, measured: Measured, config: &Config) -> [Matrix3<f64>; 2] {
-        let seen = match measured {
+        let rows = match measured {
             Measured::Velocity => {
                 let noise = NOISE_SIGMAS * config.sensors.mean_gyro_noise();
                 let least = noise * noise * self.gyro_noise.ratio / SPACING_S;
@@ -383,7 +383,7 @@ impl Observer {
         };
         let tilt = &self.state.error.tilt_rad;
         let level = Vector3::new(tilt.x, tilt.y, 0.0);
-        seen.map(|seen| seen + level.cross_matrix() * seen)
+        rows.map(|rows| rows + level.cross_matrix() * rows)
     }
 
     /// Describing-function gain of the latency partial: a swing whose phase is uncertain by the latency's
@@ -393,8 +393,8 @@ impl Observer {
     fn latency_gain(&self, past: &PastState, kind: Kind, first: &Vector3<f64>) -> f64 {
         let sigma_s = self.parameters.sigma(index::LATENCY);
         let rate2 = math::sqrt(third2(past, kind) / (square_of(first, kind) + 1e-9));
-        let shown = 1.0 + 0.5 * self.smoothing_s2() * rate2;
-        math::decayed(0.5 * sigma_s * sigma_s * rate2) / shown
+        let attenuation = 1.0 + 0.5 * self.smoothing_s2() * rate2;
+        math::decayed(0.5 * sigma_s * sigma_s * rate2) / attenuation
     }
 
     /// The same gain of the smoothing partial: no more than all of a swing can be smoothed away. Of a known
@@ -527,5 +527,5 @@ fn square_of(vector: &Vector3<f64>, kind: Kind) -> f64 {
 /// smoothing.
 fn vehicle_share(past: &PastState, jerk_mps3: &Vector3<f64>) -> f64 {
     let jerk = jerk_mps3.norm_squared();
-    jerk / (jerk + SWING_PER_S4 * past.unresolved_velocity + 1e-9)
+    jerk / (jerk + ALIASING_PER_S4 * past.unresolved_velocity + 1e-9)
 }

@@ -27,12 +27,12 @@ fn found(times: f64, start: f64) -> f64 {
 /// The same of a noise that lasts for `time_ratio` correlation times, with the time that is found within a range.
 fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f64; 2] {
     let mut deviates = Deviates(3);
-    let mut persistence = CorrelationTime::default();
+    let mut correlation = CorrelationTime::default();
     let noise = Noise {
         correlation_s: time_ratio * PRIOR_INFORMATION.correlation_s,
         ..PRIOR_INFORMATION
     };
-    let mut colour = ColouredNoise::new(Time::default());
+    let mut coloured = ColouredNoise::new(Time::default());
     let mut sensitivity = FilterSensitivity::default();
     let (mut truth, constant) = (0.0, start * f64::from(deviates.next()));
     let mut estimate = Vector2::zeros();
@@ -42,13 +42,15 @@ fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f
     for fix in 0..FIXES {
         let real = Markov::over(0.2, &noise, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let longer = persistence.ratio_of(&colour);
-        let assumed = Markov::over(0.2 / longer, &PRIOR_INFORMATION, colour.strength * longer);
-        let sigma2 =
-            PRIOR_INFORMATION.correlated * PRIOR_INFORMATION.correlated * colour.strength * longer;
+        let longer = correlation.ratio_of(&coloured);
+        let assumed = Markov::over(0.2 / longer, &PRIOR_INFORMATION, coloured.strength * longer);
+        let sigma2 = PRIOR_INFORMATION.correlated
+            * PRIOR_INFORMATION.correlated
+            * coloured.strength
+            * longer;
         let part = 0.2 / (PRIOR_INFORMATION.correlation_s * longer);
         let known = Vector2::new(estimate.y, 0.0);
-        persistence.propagate(&assumed, part, sigma2, &known, covariance.m22);
+        correlation.propagate(&assumed, part, sigma2, &known, covariance.m22);
         let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
         estimate = keep * estimate;
         covariance = keep * covariance * keep;
@@ -61,15 +63,15 @@ fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f
         estimate += gain * innovation;
         covariance -= gain * gain.transpose() * total;
         let innovation = Vector2::new(innovation, 0.0);
-        colour.learn(&sensitivity, &innovation, 1.0, total, RANGE);
+        coloured.learn(&sensitivity, &innovation, 1.0, total, RANGE);
         sensitivity.update(&innovation, total, 1.0);
-        colour.scale(1.0);
-        persistence.learn(&innovation, total, time_range);
-        persistence.update(&innovation, total, 1.0);
+        coloured.scale(1.0);
+        correlation.learn(&innovation, total, time_range);
+        correlation.update(&innovation, total, 1.0);
         if fix >= FIXES / 2 {
             let part = 1.0 / (FIXES / 2) as f64;
-            logarithms[0] += part * (colour.ratio * longer).ln();
-            logarithms[1] += part * persistence.ratio.ln();
+            logarithms[0] += part * (coloured.ratio * longer).ln();
+            logarithms[1] += part * correlation.ratio.ln();
         }
     }
     logarithms.map(f64::exp)
@@ -130,13 +132,13 @@ fn noise_that_is_said_to_be_white_stays_white() {
 /// fixes in 800 s of a noise `times` as strong, all else known but an INS that is `off` by some.
 fn found_by_estimate(times: f64, off: f64) -> f64 {
     let mut deviates = Deviates(3);
-    let mut colour = ColouredNoise::new(Time::default());
+    let mut coloured = ColouredNoise::new(Time::default());
     let (mut truth, mut estimate, mut variance) = (0.0, 0.0, 0.25);
     let mut logarithms = 0.0;
     for fix in 0..FIXES {
         let real = Markov::over(0.2, &PRIOR_INFORMATION, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let assumed = Markov::over(0.2, &PRIOR_INFORMATION, colour.strength);
+        let assumed = Markov::over(0.2, &PRIOR_INFORMATION, coloured.strength);
         estimate *= assumed.keep;
         variance = assumed.keep * assumed.keep * variance + assumed.new;
         let gain = variance / (variance + 1.0);
@@ -144,10 +146,10 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
         variance *= 1.0 - gain;
         let now = Time::from_seconds(0.2 * (fix + 1) as f64).unwrap_or_default();
         let taken = Vector2::new(estimate, 0.0);
-        colour.learn_from_state(now, &taken, 1.0, variance, (&PRIOR_INFORMATION, 1.0), RANGE);
-        colour.scale(1.0);
+        coloured.learn_from_state(now, &taken, 1.0, variance, (&PRIOR_INFORMATION, 1.0), RANGE);
+        coloured.scale(1.0);
         if fix >= FIXES / 2 {
-            logarithms += colour.ratio.ln() / (FIXES / 2) as f64;
+            logarithms += coloured.ratio.ln() / (FIXES / 2) as f64;
         }
     }
     logarithms.exp()
@@ -196,7 +198,7 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
     let white = PRIOR_INFORMATION.white * PRIOR_INFORMATION.white;
     let (mut deviates, mut squares) = (Deviates(5), 0.0);
     for _ in 0..RUNS {
-        let mut colour = ColouredNoise::new(Time::default());
+        let mut coloured = ColouredNoise::new(Time::default());
         let wanders = Noise {
             correlated: sigma,
             correlation_s: time_s,
@@ -211,11 +213,11 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
             let real = Markov::over(1.0, &wanders, 1.0);
             truth.x += WALK.sqrt() * f64::from(deviates.next());
             truth.y = real.keep * truth.y + real.new.sqrt() * f64::from(deviates.next());
-            let time_ratio = colour.time_ratio();
+            let time_ratio = coloured.time_ratio();
             let assumed = Markov::over(
                 1.0 / time_ratio,
                 &PRIOR_INFORMATION,
-                colour.strength * time_ratio,
+                coloured.strength * time_ratio,
             );
             let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
             estimate = keep * estimate;
@@ -229,8 +231,8 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
             let now = Time::from_seconds(f64::from(second)).unwrap_or_default();
             let taken = Vector2::new(estimate.y, 0.0);
             let noise = (&PRIOR_INFORMATION, time_ratio);
-            colour.learn_from_state(now, &taken, 1.0, covariance.m22, noise, RANGE);
-            colour.scale(1.0);
+            coloured.learn_from_state(now, &taken, 1.0, covariance.m22, noise, RANGE);
+            coloured.scale(1.0);
         }
         let off = estimate.x - truth.x;
         squares += off * off / covariance.m11 / f64::from(RUNS);

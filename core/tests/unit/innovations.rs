@@ -91,15 +91,15 @@ fn an_ins_that_runs_away_is_wrong() {
     let mut innovations = Innovations::default();
     for k in 0..150 {
         let at_s = 0.1 * f64::from(k);
-        let credit = gate(&mut innovations, at_s, WRONG * (1.0 + at_s));
-        assert_eq!(credit, GateResult::Rejected, "{k}");
+        let result = gate(&mut innovations, at_s, WRONG * (1.0 + at_s));
+        assert_eq!(result, GateResult::Rejected, "{k}");
     }
     let now = Time::default().plus_seconds(14.9);
     let [apart_mps, runs_mps] = innovations.rejected_offset(now);
     assert_eq!(apart_mps, WRONG * 15.9);
     assert_eq!(runs_mps, apart_mps * (2.0 / 14.9));
-    let credit = gate(&mut innovations, 15.1, WRONG * 16.1);
-    assert!(matches!(credit, GateResult::Diverged(_)), "{credit:?}");
+    let result = gate(&mut innovations, 15.1, WRONG * 16.1);
+    assert!(matches!(result, GateResult::Diverged(_)), "{result:?}");
 }
 
 #[test]
@@ -108,8 +108,8 @@ fn wrong_fixes_that_contradict_each_other_never_do() {
     for k in 0..1000 {
         let angle = 0.7 * f64::from(k);
         let wild = 5.0 * Vector2::new(angle.cos(), angle.sin());
-        let credit = gate(&mut innovations, 0.1 * f64::from(k), wild);
-        assert_eq!(credit, GateResult::Rejected, "{k}");
+        let result = gate(&mut innovations, 0.1 * f64::from(k), wild);
+        assert_eq!(result, GateResult::Rejected, "{k}");
     }
 }
 
@@ -120,14 +120,14 @@ fn large_innovations_pull_no_more_than_three_sigma() {
     let mut innovations = Innovations::default();
     for sigmas in [0.5, 2.9] {
         let size = sigmas * f64::sqrt(total);
-        let credit = gate(&mut innovations, 0.0, Vector2::new(size, 0.0));
-        assert_eq!(credit, GateResult::Accepted(SIGMA * SIGMA));
+        let result = gate(&mut innovations, 0.0, Vector2::new(size, 0.0));
+        assert_eq!(result, GateResult::Accepted(SIGMA * SIGMA));
     }
     for sigmas in [4.0, 7.9] {
         let size = sigmas * f64::sqrt(total);
-        let credit = gate(&mut innovations, 0.0, Vector2::new(0.0, size));
-        let GateResult::Accepted(white) = credit else {
-            panic!("{credit:?}")
+        let result = gate(&mut innovations, 0.0, Vector2::new(0.0, size));
+        let GateResult::Accepted(white) = result else {
+            panic!("{result:?}")
         };
         assert!((white / (SIGMA * sigmas / 3.0).powi(2) - 1.0).abs() < 1e-12);
     }
@@ -173,7 +173,7 @@ fn the_strength_of_noise_is_learnt_within_its_range() {
         // Over its memory of 400 pairs it scatters by a twentieth, and squares beyond nine sigma
         // count for nine.
         assert!((mean / learnt - 1.0).abs() < 0.03, "{true_scale}: {mean}");
-        // White noise has no colour.
+        // White noise has no correlation.
         assert!(innovations.inflation() < 1.3, "{}", innovations.inflation());
     }
 }
@@ -251,7 +251,7 @@ fn doubts_that_do_not_mend_it_leave_no_hope() {
     assert!(resets.is_exceeded());
 }
 
-/// Two doubts of long ago and a jump that was mended are no three in a row.
+/// Two resets of long ago and a jump that was mended are no three in a row.
 #[test]
 fn doubts_of_long_ago_do_not_count() {
     let mut resets = Resets::default();

@@ -65,7 +65,7 @@ fn rotated(phi: &Vector3<f64>, turn: &Vector3<f64>) -> Vector3<f64> {
 }
 
 proptest! {
-    /// By controls or by gyros, in level or in azimuth; and so do the responses to either.
+    /// By controls or by gyros, in level or in azimuth; and so do the sensitivities to either.
     #[test]
     fn a_tilted_platform_turns_as_rotations_do(
         phi in vector(LARGEST_RAD),
@@ -81,11 +81,11 @@ proptest! {
 
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             let more = axis * 1e-4;
-            let mut response = tilted(more);
-            response.propagate(&transition);
+            let mut sensitivity = tilted(more);
+            sensitivity.propagate(&transition);
             let exact = rotated(&(phi + more), &(controls + drift)) - exact;
             // The derivative of the third order: 3 * 0.17^2 / 6.
-            let off = (response.tilt_rad - exact).norm() / 1e-4;
+            let off = (sensitivity.tilt_rad - exact).norm() / 1e-4;
             prop_assert!(off < 0.015, "{off}");
         }
     }
