@@ -54,17 +54,17 @@ pub struct ChannelStep {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Markov {
     /// Transition factor.
-    pub keep: f64,
+    pub decay: f64,
     /// Variance of the driving noise.
-    pub new: f64,
+    pub variance: f64,
 }
 
 impl Markov {
     /// With `factor` times the configured variance.
     pub fn over(seconds: f64, noise: &Noise, factor: f64) -> Self {
-        let keep = math::decayed(seconds / noise.correlation_s);
-        let new = noise.correlated * noise.correlated * factor * (1.0 - keep * keep);
-        Self { keep, new }
+        let decay = math::decayed(seconds / noise.correlation_s);
+        let variance = noise.correlated * noise.correlated * factor * (1.0 - decay * decay);
+        Self { decay, variance }
     }
 }
 
@@ -128,8 +128,8 @@ impl Channel {
         self.add_coupling::<VELOCITY, TILT>(f);
         self.add_coupling::<VELOCITY, POSITION>(gravity_per_s);
         for (which, noise) in [VELOCITY_NOISE, POSITION_NOISE].into_iter().zip(gnss_noise) {
-            self.p.column_mut(which).scale_mut(noise.keep);
-            self.p.row_mut(which).scale_mut(noise.keep);
+            self.p.column_mut(which).scale_mut(noise.decay);
+            self.p.row_mut(which).scale_mut(noise.decay);
         }
         let [velocity, position] = gnss_noise;
         // Integrals of white noise over the span, their covariances included.
@@ -142,8 +142,8 @@ impl Channel {
         self.p.m12 += velocity_position;
         self.p.m21 += velocity_position;
         self.p.m11 += accel_noise * dt * dt * dt / 3.0;
-        self.p.m44 += velocity.new;
-        self.p.m55 += position.new;
+        self.p.m44 += velocity.variance;
+        self.p.m55 += position.variance;
     }
 
     /// State `TO` gets `factor` times state `FROM`.

@@ -102,11 +102,11 @@ impl Innovations {
             let beyond = math::max(math::sqrt(power / total) / ROBUST_SIGMAS, 1.0);
             return GateResult::Accepted(white * beyond * beyond);
         }
-        let ordinary = |residual: Vector2<f64>, fixes: f64| is_inlier(&residual, fixes * total);
+        let inlier = |residual: Vector2<f64>, fixes: f64| is_inlier(&residual, fixes * total);
         // Refused fixes agree if the INS, unchanged or diverging at an even rate, explains their change.
         let agrees = |run: &RejectedRun| {
             let change = innovation - run.residual;
-            ordinary(change, 2.0) || ordinary(change - run.change, 6.0)
+            inlier(change, 2.0) || inlier(change - run.change, 6.0)
         };
         let (since, majority) = match &mut self.rejected {
             Some(run) if agrees(run) => (run.since, run.majority.saturating_add(1)),
@@ -171,11 +171,11 @@ impl Innovations {
     /// Whether one was accepted of late.
     pub fn is_recent(&self, now: Time) -> bool {
         self.last_accepted
-            .is_some_and(|taken| now.seconds_since(taken) < AGREEING_S)
+            .is_some_and(|last| now.seconds_since(last) < AGREEING_S)
     }
 
     /// Whether there were any.
-    pub fn has_learnt(&self) -> bool {
+    pub fn has_data(&self) -> bool {
         self.memory > FIRST_MEMORY
     }
 

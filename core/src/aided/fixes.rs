@@ -204,7 +204,7 @@ impl<const N: usize> AidedIns<N> {
         );
     }
 
-    /// Vertical velocity by the loops between two times, m/s; compensation is no part of it, but of the
+    /// Vertical velocity by the loops between two times, m/s, without the compensation, which corrects the
     /// sensors.
     fn control_climb_mps(&self, from: Time, to: Time) -> f64 {
         let span = self.history.next_span(from, to, f64::INFINITY);

@@ -32,7 +32,7 @@ const LARGEST_STEP: f64 = 0.1;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ColouredNoise {
-    /// Variance over the configured one, relative to the white part, and absolute.
+    /// Variance over the configured one: beside a white part as configured, and beside that as learnt.
     pub ratio: f64,
     pub strength: f64,
     information: f64,
@@ -61,9 +61,9 @@ pub struct FilterSensitivity {
 
 impl FilterSensitivity {
     /// Time update with a Gauss-Markov step.
-    pub fn propagate(&mut self, renewal: &Markov) {
-        self.variance = renewal.keep * renewal.keep * self.variance + renewal.new;
-        self.predicted *= renewal.keep;
+    pub fn propagate(&mut self, step: &Markov) {
+        self.variance = step.decay * step.decay * self.variance + step.variance;
+        self.predicted *= step.decay;
     }
 
     /// Measurement update, with the innovation's variance per component, `white` of it white noise.
@@ -111,17 +111,17 @@ impl CorrelationTime {
     /// estimate has the variance `left`.
     pub fn propagate(
         &mut self,
-        renewal: &Markov,
+        step: &Markov,
         part: f64,
         sigma2: f64,
         estimate: &Vector2<f64>,
         left: f64,
     ) {
-        let Markov { keep, new } = *renewal;
-        let longer = keep * part;
+        let Markov { decay, variance } = *step;
+        let longer = decay * part;
         let s = &mut self.sensitivity;
-        s.variance = keep * keep * s.variance + 2.0 * keep * longer * (left - sigma2) + new;
-        s.predicted = s.predicted * keep + estimate * longer;
+        s.variance = decay * decay * s.variance + 2.0 * decay * longer * (left - sigma2) + variance;
+        s.predicted = s.predicted * decay + estimate * longer;
     }
 
     /// Scoring step, before the measurement update. Never below the configured time: the sigma of the

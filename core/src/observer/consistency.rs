@@ -10,7 +10,7 @@
 use crate::math;
 
 /// Least loss of variance for a check, as a part of it: less is lost in rounding.
-const LEAST_GAIN: f32 = 0.02;
+const LEAST_REDUCTION: f32 = 0.02;
 /// Bound on the normalized square of a change: of normal ones one in 16,000 is larger.
 const LARGEST_SQUARE: f32 = 16.0;
 /// Checks over which the squares are averaged: their mean is good to a fifth, and 1.5 beyond chance.
@@ -84,14 +84,14 @@ impl Consistency {
 
     fn check_recent(&mut self, variance: f32) -> f32 {
         let Move { moved, variance: v } = self.recent;
-        let gained = v - variance;
-        if gained <= LEAST_GAIN * variance {
+        let reduction = v - variance;
+        if reduction <= LEAST_REDUCTION * variance {
             return 0.0;
         }
-        let bounded = math::min(moved * moved / gained, LARGEST_SQUARE);
+        let bounded = math::min(moved * moved / reduction, LARGEST_SQUARE);
         self.mean += (bounded - self.mean) / MEMORY_CHECKS;
         self.recent = Move::at(variance);
-        gained * math::min(REINFLATION * (self.mean - INCONSISTENT), MOST_REINFLATION)
+        reduction * math::min(REINFLATION * (self.mean - INCONSISTENT), MOST_REINFLATION)
     }
 
     /// Adds what makes the change one of so many sigmas, and no more than was lost.
@@ -100,10 +100,10 @@ impl Consistency {
         if v < 2.0 * variance {
             return 0.0;
         }
-        let gained = v - variance;
-        let excess = moved * moved / (HALVING_SIGMAS * HALVING_SIGMAS) - gained;
+        let reduction = v - variance;
+        let excess = moved * moved / (HALVING_SIGMAS * HALVING_SIGMAS) - reduction;
         self.halving = Move::at(variance);
-        math::min(math::max(excess, 0.0), gained)
+        math::min(math::max(excess, 0.0), reduction)
     }
 
     /// Factor on the stated variance.

@@ -59,7 +59,7 @@ impl DataGap {
         let part = math::min(seconds / HIDDEN_S, 1.0);
         let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
         // A hidden turn changes the direction of gravity in the body.
-        let tipped = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
+        let gravity_tilt = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
         let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
         let moved = 0.5 * accel * seconds;
         Self {
@@ -67,7 +67,7 @@ impl DataGap {
             end: start.plus_seconds(seconds),
             position: moved * moved,
             velocity: accel * accel,
-            tilt: 0.01 * rate * rate + tipped * tipped,
+            tilt: 0.01 * rate * rate + gravity_tilt * gravity_tilt,
             azimuth: rate * rate,
         }
     }

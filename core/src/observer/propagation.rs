@@ -70,15 +70,15 @@ impl Observer {
             &self.state.noise(Kind::Height),
             self.vertical.noise(Measured::Position),
         );
-        let kept = |renewals: &[Markov; 2]| renewals.map(|renewal| renewal.keep);
+        let kept = |steps: &[Markov; 2]| steps.map(|step| step.decay);
         self.state.decay(kept(&level), kept(&up));
 
         let single = transition.single();
-        let (level_keep, up_keep) = (kept(&level).map(math::single), kept(&up).map(math::single));
+        let (level_kept, up_kept) = (kept(&level).map(math::single), kept(&up).map(math::single));
         let sensitivities = estimated(&mut self.sensitivities, &self.corrections);
         for sensitivity in sensitivities.iter_mut() {
             sensitivity.error.propagate(&single);
-            sensitivity.decay(level_keep, up_keep);
+            sensitivity.decay(level_kept, up_kept);
         }
         for_each_input(span, &self.level_force_mps2, |which, input| {
             if let Some(sensitivity) = sensitivities.get_mut(which) {

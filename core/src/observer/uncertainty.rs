@@ -165,12 +165,12 @@ impl Observer {
 
     /// Part of the parameters in the variance of one component.
     fn update_parameter_variance(&mut self, component: usize) {
-        let by: [f32; COUNT] = core::array::from_fn(|which| {
+        let partials: [f32; COUNT] = core::array::from_fn(|which| {
             let sensitivity = self.sensitivities.get_mut(which);
-            let shown = sensitivity.and_then(|own| own.error.component(component));
-            shown.copied().unwrap_or(0.0)
+            let partial = sensitivity.and_then(|own| own.error.component(component));
+            partial.copied().unwrap_or(0.0)
         });
-        let variance = self.corrections.variance_of(by);
+        let variance = self.corrections.variance_of(partials);
         if let Some(added) = self.parameter_variance.component(component) {
             *added = variance;
         }
@@ -181,7 +181,7 @@ impl Observer {
     fn inflations(&self) -> [f64; 4] {
         let [velocity, climb, position, height] = &self.innovations;
         let learnt = |own: &Innovations, other: f64| {
-            if own.has_learnt() {
+            if own.has_data() {
                 own.inflation()
             } else {
                 other

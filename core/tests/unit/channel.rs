@@ -44,7 +44,7 @@ impl Dense {
         let (dt, f) = (step.seconds, step.force_up_mps);
         let [velocity, position] = gnss_noise;
         let mut flow =
-            Matrix5::from_diagonal(&Vector5::new(1.0, 1.0, 1.0, velocity.keep, position.keep));
+            Matrix5::from_diagonal(&Vector5::new(1.0, 1.0, 1.0, velocity.decay, position.decay));
         flow[(0, 1)] = dt;
         flow[(0, 2)] = step.force_up_position_m;
         flow[(1, 2)] = f;
@@ -64,8 +64,8 @@ impl Dense {
             noise += by_accel * by_accel.transpose() * (step.accel_noise * share);
             noise += by_gyro * by_gyro.transpose() * (step.gyro_noise * share);
         }
-        noise[(3, 3)] += velocity.new;
-        noise[(4, 4)] += position.new;
+        noise[(3, 3)] += velocity.variance;
+        noise[(4, 4)] += position.variance;
         self.p = flow * self.p * flow.transpose() + noise;
     }
 
@@ -180,14 +180,14 @@ proptest! {
         factor in 0.01_f64..100.0,
     ) {
         let noise = Markov::over(seconds, &POSITION, factor);
-        prop_assert!((0.0..1.0).contains(&noise.keep));
-        let settled = noise.new / (1.0 - noise.keep * noise.keep);
+        prop_assert!((0.0..1.0).contains(&noise.decay));
+        let settled = noise.variance / (1.0 - noise.decay * noise.decay);
         let described = factor * POSITION.correlated * POSITION.correlated;
         prop_assert!((settled / described - 1.0).abs() < 1e-9);
         // To second order.
         let x = seconds / POSITION.correlation_s;
         if x < 1.0 {
-            prop_assert!((noise.keep / (-x).exp() - 1.0).abs() < x.powi(3) / 6.0 + 1e-12);
+            prop_assert!((noise.decay / (-x).exp() - 1.0).abs() < x.powi(3) / 6.0 + 1e-12);
         }
     }
 }

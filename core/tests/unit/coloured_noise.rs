@@ -41,7 +41,7 @@ fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f
     let mut logarithms = [0.0; 2];
     for fix in 0..FIXES {
         let real = Markov::over(0.2, &noise, times * times);
-        truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
+        truth = real.decay * truth + real.variance.sqrt() * f64::from(deviates.next());
         let longer = correlation.ratio_of(&coloured);
         let assumed = Markov::over(0.2 / longer, &PRIOR_INFORMATION, coloured.strength * longer);
         let sigma2 = PRIOR_INFORMATION.correlated
@@ -51,10 +51,10 @@ fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f
         let part = 0.2 / (PRIOR_INFORMATION.correlation_s * longer);
         let known = Vector2::new(estimate.y, 0.0);
         correlation.propagate(&assumed, part, sigma2, &known, covariance.m22);
-        let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
+        let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.decay));
         estimate = keep * estimate;
         covariance = keep * covariance * keep;
-        covariance.m22 += assumed.new;
+        covariance.m22 += assumed.variance;
         sensitivity.propagate(&assumed);
         let total = shows.dot(&(covariance * shows)) + 1.0;
         let measured = constant + truth + f64::from(deviates.next());
@@ -137,10 +137,10 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
     let mut logarithms = 0.0;
     for fix in 0..FIXES {
         let real = Markov::over(0.2, &PRIOR_INFORMATION, times * times);
-        truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
+        truth = real.decay * truth + real.variance.sqrt() * f64::from(deviates.next());
         let assumed = Markov::over(0.2, &PRIOR_INFORMATION, coloured.strength);
-        estimate *= assumed.keep;
-        variance = assumed.keep * assumed.keep * variance + assumed.new;
+        estimate *= assumed.decay;
+        variance = assumed.decay * assumed.decay * variance + assumed.variance;
         let gain = variance / (variance + 1.0);
         estimate += gain * (off + truth + f64::from(deviates.next()) - estimate);
         variance *= 1.0 - gain;
@@ -212,17 +212,17 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
         for second in 1..=1800 {
             let real = Markov::over(1.0, &wanders, 1.0);
             truth.x += WALK.sqrt() * f64::from(deviates.next());
-            truth.y = real.keep * truth.y + real.new.sqrt() * f64::from(deviates.next());
+            truth.y = real.decay * truth.y + real.variance.sqrt() * f64::from(deviates.next());
             let time_ratio = coloured.time_ratio();
             let assumed = Markov::over(
                 1.0 / time_ratio,
                 &PRIOR_INFORMATION,
                 coloured.strength * time_ratio,
             );
-            let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
+            let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.decay));
             estimate = keep * estimate;
-            covariance =
-                keep * covariance * keep + Matrix2::from_diagonal(&Vector2::new(WALK, assumed.new));
+            covariance = keep * covariance * keep
+                + Matrix2::from_diagonal(&Vector2::new(WALK, assumed.variance));
             let total = shows.dot(&(covariance * shows)) + white;
             let measured = shows.dot(&truth) + white.sqrt() * f64::from(deviates.next());
             let gain = covariance * shows / total;
