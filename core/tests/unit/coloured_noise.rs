@@ -9,7 +9,7 @@ use crate::deviates::Deviates;
 use crate::observer::coloured_noise::{ColouredNoise, CorrelationTime, FilterSensitivity};
 use crate::time::Time;
 
-const PRIOR_INFORMATION: Noise = Noise {
+const CONFIGURED: Noise = Noise {
     white: 1.0,
     correlated: 0.5,
     correlation_s: 2.0,
@@ -29,8 +29,8 @@ fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f
     let mut deviates = Deviates(3);
     let mut correlation = CorrelationTime::default();
     let noise = Noise {
-        correlation_s: time_ratio * PRIOR_INFORMATION.correlation_s,
-        ..PRIOR_INFORMATION
+        correlation_s: time_ratio * CONFIGURED.correlation_s,
+        ..CONFIGURED
     };
     let mut coloured = ColouredNoise::new(Time::default());
     let mut sensitivity = FilterSensitivity::default();
@@ -43,12 +43,9 @@ fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f
         let real = Markov::over(0.2, &noise, times * times);
         truth = real.decay * truth + real.variance.sqrt() * f64::from(deviates.next());
         let longer = correlation.ratio_of(&coloured);
-        let assumed = Markov::over(0.2 / longer, &PRIOR_INFORMATION, coloured.strength * longer);
-        let sigma2 = PRIOR_INFORMATION.correlated
-            * PRIOR_INFORMATION.correlated
-            * coloured.strength
-            * longer;
-        let part = 0.2 / (PRIOR_INFORMATION.correlation_s * longer);
+        let assumed = Markov::over(0.2 / longer, &CONFIGURED, coloured.strength * longer);
+        let sigma2 = CONFIGURED.correlated * CONFIGURED.correlated * coloured.strength * longer;
+        let part = 0.2 / (CONFIGURED.correlation_s * longer);
         let known = Vector2::new(estimate.y, 0.0);
         correlation.propagate(&assumed, part, sigma2, &known, covariance.m22);
         let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.decay));
@@ -136,9 +133,9 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
     let (mut truth, mut estimate, mut variance) = (0.0, 0.0, 0.25);
     let mut logarithms = 0.0;
     for fix in 0..FIXES {
-        let real = Markov::over(0.2, &PRIOR_INFORMATION, times * times);
+        let real = Markov::over(0.2, &CONFIGURED, times * times);
         truth = real.decay * truth + real.variance.sqrt() * f64::from(deviates.next());
-        let assumed = Markov::over(0.2, &PRIOR_INFORMATION, coloured.strength);
+        let assumed = Markov::over(0.2, &CONFIGURED, coloured.strength);
         estimate *= assumed.decay;
         variance = assumed.decay * assumed.decay * variance + assumed.variance;
         let gain = variance / (variance + 1.0);
@@ -146,7 +143,7 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
         variance *= 1.0 - gain;
         let now = Time::from_seconds(0.2 * (fix + 1) as f64).unwrap_or_default();
         let taken = Vector2::new(estimate, 0.0);
-        coloured.learn_from_state(now, &taken, 1.0, variance, (&PRIOR_INFORMATION, 1.0), RANGE);
+        coloured.learn_from_state(now, &taken, 1.0, variance, (&CONFIGURED, 1.0), RANGE);
         coloured.scale(1.0);
         if fix >= FIXES / 2 {
             logarithms += coloured.ratio.ln() / (FIXES / 2) as f64;
@@ -188,21 +185,21 @@ fn what_lasts_is_not_taken_for_noise() {
 /// an hour: of an INS that walks by 0.03 m/sqrt(s), as one held by velocities does, and a receiver whose
 /// position wanders by `sigma` over `time_s`, under half a metre of white noise.
 fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
-    const PRIOR_INFORMATION: Noise = Noise {
+    const CONFIGURED: Noise = Noise {
         white: 0.5,
         correlated: 1.0,
         correlation_s: 60.0,
     };
     const RUNS: u32 = 40;
     const WALK: f64 = 9e-4;
-    let white = PRIOR_INFORMATION.white * PRIOR_INFORMATION.white;
+    let white = CONFIGURED.white * CONFIGURED.white;
     let (mut deviates, mut squares) = (Deviates(5), 0.0);
     for _ in 0..RUNS {
         let mut coloured = ColouredNoise::new(Time::default());
         let wanders = Noise {
             correlated: sigma,
             correlation_s: time_s,
-            ..PRIOR_INFORMATION
+            ..CONFIGURED
         };
         // Position, and what the receiver is off by.
         let mut truth = Vector2::new(0.0, sigma * f64::from(deviates.next()));
@@ -216,7 +213,7 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
             let time_ratio = coloured.time_ratio();
             let assumed = Markov::over(
                 1.0 / time_ratio,
-                &PRIOR_INFORMATION,
+                &CONFIGURED,
                 coloured.strength * time_ratio,
             );
             let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.decay));
@@ -230,7 +227,7 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
             covariance -= gain * gain.transpose() * total;
             let now = Time::from_seconds(f64::from(second)).unwrap_or_default();
             let taken = Vector2::new(estimate.y, 0.0);
-            let noise = (&PRIOR_INFORMATION, time_ratio);
+            let noise = (&CONFIGURED, time_ratio);
             coloured.learn_from_state(now, &taken, 1.0, covariance.m22, noise, RANGE);
             coloured.scale(1.0);
         }

@@ -6,9 +6,9 @@ use crate::observer::consistency::Consistency;
 
 /// Mean square of error over sigma, and mean sigma, of 400 estimates of a value that walks by
 /// `walk` a second, from a measurement a second with white noise of one for ten minutes, by an
-/// estimator that takes the value for a constant; `colour` is what a measurement keeps of the noise
+/// estimator that takes the value for a constant; `correlation` is what a measurement keeps of the noise
 /// of the last.
-fn honesty(walk: f32, colour: f32, looks: bool) -> (f32, f32) {
+fn honesty(walk: f32, correlation: f32, looks: bool) -> (f32, f32) {
     let mut deviates = Deviates(7);
     let (mut squares, mut sigmas) = (0.0, 0.0);
     for _ in 0..400 {
@@ -16,7 +16,8 @@ fn honesty(walk: f32, colour: f32, looks: bool) -> (f32, f32) {
         let mut consistency = Consistency::NEW;
         for second in 0..600 {
             truth += walk * deviates.next();
-            noise = colour * noise + (1.0 - colour * colour).sqrt() * deviates.next();
+            noise =
+                correlation * noise + (1.0 - correlation * correlation).sqrt() * deviates.next();
             let gain = variance / (variance + 1.0);
             let move_by = gain * (truth + noise - estimate);
             estimate += move_by;
@@ -49,11 +50,11 @@ fn what_is_a_constant_is_known_as_well_as_before() {
 /// Neighbours that are alike by half make a mean of many worse by 1.7, by 0.8 by 3.
 #[test]
 fn what_coloured_noise_tells_is_worth_less() {
-    for (colour, off) in [(0.5, 1.5), (0.8, 2.5)] {
-        let (alone, _) = honesty(0.0, colour, false);
-        assert!(alone > off, "{colour}: {alone}");
-        let (watched, _) = honesty(0.0, colour, true);
-        assert!((0.7..1.6).contains(&watched), "{colour}: {watched}");
+    for (correlation, off) in [(0.5, 1.5), (0.8, 2.5)] {
+        let (alone, _) = honesty(0.0, correlation, false);
+        assert!(alone > off, "{correlation}: {alone}");
+        let (watched, _) = honesty(0.0, correlation, true);
+        assert!((0.7..1.6).contains(&watched), "{correlation}: {watched}");
     }
 }
 

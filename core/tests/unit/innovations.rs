@@ -1,4 +1,4 @@
-//! Which fixes are believed, how strong their noise is, and when it is the INS which errs.
+//! Which fixes pass the gate, how strong their noise is, and when it is the INS which errs.
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::panic)]
 
@@ -199,7 +199,7 @@ fn an_uncertain_ins_says_little_of_the_noise() {
 }
 
 #[test]
-fn colour_is_seen() {
+fn correlation_is_seen() {
     // Each is 0.6 of the one before and what is new: variance one.
     let mut innovations = Innovations::default();
     let mut coloured = Vector2::zeros();
@@ -241,7 +241,7 @@ fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
 }
 
 #[test]
-fn doubts_that_do_not_mend_it_leave_no_hope() {
+fn resets_that_do_not_help_need_a_new_alignment() {
     let mut resets = Resets::default();
     for at_s in [0.0, 50.0, 120.0, 170.0] {
         resets.add(Time::default().plus_seconds(at_s));
@@ -253,7 +253,7 @@ fn doubts_that_do_not_mend_it_leave_no_hope() {
 
 /// Two resets of long ago and a jump that was mended are no three in a row.
 #[test]
-fn doubts_of_long_ago_do_not_count() {
+fn resets_of_long_ago_do_not_count() {
     let mut resets = Resets::default();
     for at_s in [0.0, 50.0] {
         resets.add(Time::default().plus_seconds(at_s));
@@ -264,7 +264,7 @@ fn doubts_of_long_ago_do_not_count() {
 }
 
 #[test]
-fn surprise_has_to_last() {
+fn a_large_nis_has_to_last() {
     let mut nis = NisTest::default();
     for _ in 0..600 {
         nis.add(2.0, 0.1);
