@@ -136,11 +136,11 @@ pub struct Health {
     pub last_fix: Option<FixReport>,
     /// Mean normalized innovation squared of the level axes over ten seconds: about 1, and beyond 9 the INS
     /// is reset. None while aligning, nor in the literal form.
-    pub level_innovation: Option<f64>,
+    pub level_nis: Option<f64>,
     /// The same of the vertical.
-    pub vertical_innovation: Option<f64>,
+    pub vertical_nis: Option<f64>,
     /// When INS, vertical, azimuth or latency was last found to be wrong, and its variance increased.
-    pub doubted: Option<Time>,
+    pub last_reset: Option<Time>,
     /// Number of new alignments after divergence.
     pub restarts: u32,
     /// Fixes by outcome.

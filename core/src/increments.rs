@@ -121,7 +121,7 @@ impl Increments {
     }
 
     /// Whether an interval of `seconds` has samples missing in it.
-    pub fn has_hole(&self, seconds: f64) -> bool {
+    pub fn has_gap(&self, seconds: f64) -> bool {
         let longest = MISSING_RATIO * self.usual_s;
         self.usual_s > 0.0 && seconds > longest && seconds + self.late_s > longest
     }
@@ -160,10 +160,10 @@ impl Increments {
     /// `scale` as their only difference. A gap between increments is filled with the mean rate
     /// of its two ends.
     pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
-        self.interval_of(sample, seconds, self.has_hole(seconds))
+        self.interval_of(sample, seconds, self.has_gap(seconds))
     }
 
-    /// The same, with the result of [`Self::has_hole`].
+    /// The same, with the result of [`Self::has_gap`].
     #[inline]
     pub(crate) fn interval_of(&mut self, sample: &ImuSample, seconds: f64, gap: bool) -> Interval {
         let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s);

@@ -335,9 +335,9 @@ impl<const RING: usize> Navigator<RING> {
             phase: self.phase(),
             coasting_since: self.aided().and_then(AidedIns::coasting_since),
             last_fix: self.counts.last_fix,
-            level_innovation: observer.map(|own| own.nis.mean),
-            vertical_innovation: observer.map(|own| own.vertical_nis.mean),
-            doubted: observer.and_then(Observer::last_reset),
+            level_nis: observer.map(|own| own.nis.mean),
+            vertical_nis: observer.map(|own| own.vertical_nis.mean),
+            last_reset: observer.and_then(Observer::last_reset),
             restarts: self.state.restarts,
             fixes: self.counts.fixes,
             samples: self.counts.samples,
@@ -415,7 +415,7 @@ impl<const RING: usize> State<RING> {
             }
             return Err(ImuOutcome::TimeNotIncreasing);
         }
-        let gap = increments.has_hole(seconds);
+        let gap = increments.has_gap(seconds);
         let reading_s = math::min(increments.reading_seconds(seconds, gap), LONGEST_READING_S);
         if largest.out_of_range(reading_s, config) {
             // Increments over longer intervals are larger.
@@ -467,7 +467,7 @@ impl<const RING: usize> State<RING> {
     ) -> Option<Bridged> {
         let (last, increments) = self.inertial.as_ref()?;
         let set_back_s = self.out_of_sequence.take().map_or(0.0, |out_of_sequence| {
-            let resumes = !increments.has_hole(sample.time.seconds_since(out_of_sequence.last));
+            let resumes = !increments.has_gap(sample.time.seconds_since(out_of_sequence.last));
             if resumes {
                 math::max(last.seconds_since(out_of_sequence.first), 0.0)
             } else {

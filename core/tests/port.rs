@@ -805,7 +805,11 @@ fn one_surprising_fix_after_an_outage_is_no_surprise_that_lasts() {
     });
     car.until(263.0, true, Some);
     let health = car.navigator.health();
-    assert_eq!((health.doubted, health.restarts), (None, 0), "{health:?}");
+    assert_eq!(
+        (health.last_reset, health.restarts),
+        (None, 0),
+        "{health:?}"
+    );
 }
 
 /// Stands, turns to the right by 1.5 rad, and stands again before the first fix.

@@ -278,8 +278,8 @@ fn a_hole_is_filled_by_its_ends() {
         for k in 1..=3 {
             let _ = increments.interval(&sample(read(0.01 * f64::from(k))), 0.01);
         }
-        assert!(!increments.has_hole(0.0149));
-        assert!(increments.has_hole(0.04));
+        assert!(!increments.has_gap(0.0149));
+        assert!(increments.has_gap(0.04));
         let filled = increments.interval(&sample(read(0.07)), 0.04);
         let (angle, force) = RAMP.increment(0.03, 0.07);
         assert!((filled.angle_rad - angle).norm() < 1e-15, "{output:?}");
@@ -311,7 +311,7 @@ fn samples_lost_at_random_are_filled_in_and_a_slower_rate_is_learnt() {
     for _ in 0..30 {
         let _ = increments.interval(&level(0.02), 0.02);
     }
-    assert!(!increments.has_hole(0.02));
+    assert!(!increments.has_gap(0.02));
 }
 
 /// Stamps of even intervals of 10 ms, off by up to 3.5 ms to and fro, without a pattern that an
@@ -362,9 +362,9 @@ fn stamps_that_jitter_hide_no_hole_and_make_none() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
         let mut increments = Increments::new(output, &level(0.01));
         for (k, seconds) in jittered(1000).enumerate() {
-            assert!(!increments.has_hole(seconds), "{k}");
+            assert!(!increments.has_gap(seconds), "{k}");
             // Two missing, whatever the jitter of both ends: early in a run its phase is not known.
-            assert!(k < 50 || increments.has_hole(seconds + 0.02), "{k}");
+            assert!(k < 50 || increments.has_gap(seconds + 0.02), "{k}");
             let _ = increments.interval(&level(0.01), seconds);
         }
     }

@@ -112,7 +112,7 @@ fn each_fix_has_one_outcome_in_the_end() {
         .filter(|s| s.time.as_seconds() < 200.0)
         .count();
     assert_eq!(health.samples.accepted as usize, samples);
-    let level = health.level_innovation.unwrap();
+    let level = health.level_nis.unwrap();
     assert!((0.1..4.0).contains(&level), "{level}");
 }
 

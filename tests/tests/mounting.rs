@@ -166,7 +166,7 @@ fn a_unit_that_is_turned_unseen_finds_its_attitude_again() {
         assert!(sigma.amax() < 0.01, "{case} of {sigma:?}");
         assert!(error.amax() < 0.03, "{case} of {sigma:?}");
         let health = navigator.health();
-        assert!(health.restarts > 0 || health.doubted.is_some(), "{case}");
+        assert!(health.restarts > 0 || health.last_reset.is_some(), "{case}");
     });
 }
 

@@ -203,7 +203,7 @@ fn intervals(log: &Log) -> impl Iterator<Item = Timed> {
     log.imu.pairs().map(move |[last, sample]| {
         let increments = increments.get_or_insert_with(|| Increments::new(log.meta.imu, &last));
         let seconds = sample.time.seconds_since(last.time);
-        let hole = increments.has_hole(seconds);
+        let hole = increments.has_gap(seconds);
         let interval = increments.interval(&sample, seconds);
         Timed {
             end: sample.time,
