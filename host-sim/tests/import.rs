@@ -296,6 +296,25 @@ fn dataflash_reads_as_the_drive() {
 }
 
 #[test]
+fn damage_of_dataflash_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = dataflash_of(&drive(), &[1.0]);
+    let (_, warnings) = open(&file(folder.path(), "flight.bin", &bytes)).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    // Four messages that describe, and ten samples.
+    let at = 4 * 89 + 10 * 44;
+    bytes[at..at + 440].fill(0xff);
+    let (log, warnings) = open(&file(folder.path(), "flight.bin", &bytes)).unwrap();
+    assert_eq!(log.imu.len(), drive().imu.len() - 10);
+    let lost = 440 + 4;
+    let found = format!(
+        "{lost} of {} bytes that are no messages, from byte {at} on",
+        bytes.len()
+    );
+    assert_eq!(*warnings[0].found, *found);
+}
+
+#[test]
 fn another_sensor_is_chosen_by_its_number() {
     let folder = tempfile::tempdir().unwrap();
     let path = [file(folder.path(), "flight.bin", dataflash(&drive()))];

@@ -15,7 +15,7 @@ use px4_ulog::stream_parser::{
 use tempfile::NamedTempFile;
 
 use super::recording::{
-    Recording, Stamped, degrees, east_north, joined, over_ground, stated, unpacked, unpacked_file,
+    Recording, Stamped, bytes, degrees, east_north, joined, over_ground, stated, unpacked_file,
     unreadable,
 };
 use crate::log::{BodyAxes, LogError};
@@ -245,8 +245,17 @@ struct Streams {
 
 pub(super) fn read_dataflash(path: &Path) -> Result<Recording, LogError> {
     let mut streams = Streams::default();
-    // The reader skips what is damaged.
-    for entry in Reader::new(unpacked(path)?).flatten() {
+    let bytes = bytes(path)?;
+    let mut reader = Reader::new(bytes.as_slice());
+    // The reader skips what is damaged, and says nothing.
+    let (mut whole, mut damage) = (0, None);
+    while let Some(Ok(entry)) = reader.next() {
+        let head = bytes.get(whole..whole + 3);
+        if head != Some(&[0xa3, 0x95, entry.msg_type]) {
+            damage.get_or_insert(whole);
+        }
+        let length = reader.formats().get(&entry.msg_type).map(|f| f.msg_len);
+        whole += usize::from(length.unwrap_or_default());
         streams.take(&entry);
     }
     let mut recording = Recording {
@@ -282,7 +291,16 @@ impl Streams {
         let (name, instance) = instance(entry);
         match name {
             "IMU" => {
+    let (at, length) = (damage.unwrap_or(whole), bytes.len());
+    // The last message breaks off where power is lost, as ever.
+    let damage = (length > at + usize::from(u8::MAX)).then(|| {
+        let lost = length.saturating_sub(whole);
+        let found = format!("{lost} of {length} bytes that are no messages, from byte {at} on");
+        let cause = "the file is damaged, or filled up: they are skipped";
+        LogError::file(path, "a whole log", found, cause)
+    });
                 let vectors = vector(entry, "Gyr").zip(vector(entry, "Acc"));
+        notes: damage.into_iter().collect(),
                 let sample = time(entry).zip(vectors);
                 let sample =
                     sample.map(|(time, (gyro, accel))| BodyAxes::Frd.sample(time, gyro, accel));
