@@ -315,6 +315,17 @@ fn damage_of_dataflash_is_told() {
 }
 
 #[test]
+fn a_packed_recording_that_breaks_off_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for bytes in [dataflash(&drive()), ulog(&drive()), ros_bag(&drive())] {
+        let mut packed = packed(&bytes);
+        packed.truncate(packed.len() * 9 / 10);
+        let error = open(&file(folder.path(), "flight.gz", packed)).unwrap_err();
+        assert!(error.cause.contains("broke off: `zcat`"), "{error:?}");
+    }
+}
+
+#[test]
 fn another_sensor_is_chosen_by_its_number() {
     let folder = tempfile::tempdir().unwrap();
     let path = [file(folder.path(), "flight.bin", dataflash(&drive()))];

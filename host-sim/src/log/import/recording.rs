@@ -82,6 +82,9 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
 pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> LogError {
     let cause = match error.kind() {
         std::io::ErrorKind::NotFound => "a wrong folder or a misspelt name",
+        std::io::ErrorKind::UnexpectedEof => {
+            "a copy or a download broke off: `zcat` unpacks what is whole, which can be given in its place"
+        }
         _ => "permissions, the disk, or a damaged file",
     };
     LogError::file(path, "a readable file", error.to_string(), cause)
