@@ -435,20 +435,32 @@ fn ulog_reads_as_the_drive() {
 fn ulog_cut_short_is_used() {
     let folder = tempfile::tempdir().unwrap();
     let mut bytes = ulog(&drive());
-    bytes.truncate(bytes.len() - 11);
+    let length = bytes.len() - 11;
+    bytes.truncate(length);
     let path = file(folder.path(), "flight.ulg", bytes);
     let (log, warnings) = open(&path).unwrap();
     assert_eq!(log.gnss.len(), drive().gnss.len() - 1);
-    assert_eq!(&*warnings[0].found, "one that ends too early");
+    // The last record has 55 bytes.
+    let place = format!("at byte {} of {length}", length - 44);
+    let found = format!("one that ends too early, or is damaged {place}");
+    assert_eq!(*warnings[0].found, *found);
     // In the definitions, then behind them.
     let mut damaged = ulog(&drive());
     let at = damaged.windows(8).position(|w| w == b"uint64_t").unwrap() - 1;
     damaged[at] = b' ';
     let error = open(&file(folder.path(), "flight.ulg", damaged)).unwrap_err();
     assert_eq!(&*error.found, "damaged ones");
-    let damaged = [ulog(&drive()), ulog_message(b'D', &[0; 3])].concat();
+    let whole = ulog(&drive());
+    let damaged = [whole.clone(), ulog_message(b'D', &[0; 3])].concat();
     let (_, warnings) = open(&file(folder.path(), "flight.ulg", damaged)).unwrap();
-    assert!(warnings[0].found.starts_with("one with a damaged record"));
+    let place = format!("at byte {} of {}", whole.len(), whole.len() + 6);
+    let found = format!("one with a damaged record {place}: read up to there");
+    assert_eq!(*warnings[0].found, *found);
+    // Nothing but zeros is a record of no kind.
+    let damaged = [whole.as_slice(), &[0; 300]].concat();
+    let (_, warnings) = open(&file(folder.path(), "flight.ulg", damaged)).unwrap();
+    let place = format!("at byte {} of {}", whole.len(), whole.len() + 300);
+    assert_eq!(*warnings[0].found, *format!("one that is damaged {place}"));
 }
 
 // --- UBX ---

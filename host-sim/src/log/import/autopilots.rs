@@ -10,7 +10,7 @@ use ins_core::{GnssFix, ImuSample, Time};
 use nalgebra::Vector3;
 use px4_ulog::full_parser::{Completeness, MultiId, ParsedData, SomeVec, read_file};
 use px4_ulog::stream_parser::{
-    Message, ParameterMessage, SimpleCallbackResult, read_file_with_simple_callback,
+    LogParser, Message, ParameterMessage, SimpleCallbackResult, read_file_with_simple_callback,
 };
 use tempfile::NamedTempFile;
 
@@ -36,6 +36,9 @@ fn concerns_sensors(parameter: &str) -> bool {
 pub(super) fn is_ulog(_: &Path, start: &[u8]) -> bool {
     start.starts_with(b"ULog\x01\x12\x35")
 }
+
+/// Bytes before the first record.
+const ULOG_HEADER: usize = 16;
 
 pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
     let unpacked = unpacked_file(path)?;
@@ -90,16 +93,46 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
             recording.add_baro(topic.stamps().into_iter().zip(heights));
         }
     }
-    if log.0.completeness.is_incomplete() {
+    let bytes = std::fs::read(file).map_err(|e| unreadable(path, &e))?;
+    let damage = ulog_damage(&bytes);
+    if log.0.completeness.is_incomplete() || damage.is_some() {
+        let place = damage.map_or(String::new(), |at| {
+            format!(" at byte {at} of {}", bytes.len())
+        });
         let found = match log.0.completeness {
-            Completeness::MalformedRecord(_) => "one with a damaged record: read up to there",
-            _ => "one that ends too early",
+            Completeness::MalformedRecord(_) => {
+                format!("one with a damaged record{place}: read up to there")
+            }
+            Completeness::Truncated => format!("one that ends too early, or is damaged{place}"),
+            Completeness::Complete => format!("one that is damaged{place}"),
         };
         let cause = "the logger lost power, or the file is damaged; what is whole is used";
         let defect = LogError::file(path, "a whole log", found, cause);
         recording.notes.push(defect);
     }
     Ok(recording)
+}
+
+/// The byte at which records no longer follow each other, if they break: the parser skips those of kinds that
+/// it does not know, and with a wrong length whatever is behind.
+fn ulog_damage(bytes: &[u8]) -> Option<usize> {
+    let mut parser = LogParser::default();
+    let (mut at, mut length) = (0, ULOG_HEADER);
+    loop {
+        let record = bytes.get(at..at + length);
+        let is_whole = record.is_some_and(|record| parser.consume_bytes(record).is_ok());
+        if is_whole {
+            at += length;
+        }
+        length = match &bytes[at..] {
+            [] => return None,
+            [low, high, kind, ..] if is_whole && kind.is_ascii_alphabetic() => {
+                3 + usize::from(u16::from_le_bytes([*low, *high]))
+            }
+            // A crash cuts the records off, and appends what it leaves.
+            _ => return (parser.appended_offsets()[0] == 0).then_some(at),
+        };
+    }
 }
 
 /// As set when the log began. What can be read of them is enough: they only help to print more.
@@ -258,7 +291,16 @@ pub(super) fn read_dataflash(path: &Path) -> Result<Recording, LogError> {
         whole += usize::from(length.unwrap_or_default());
         streams.take(&entry);
     }
+    let (at, length) = (damage.unwrap_or(whole), bytes.len());
+    // The last message breaks off where power is lost, as ever.
+    let damage = (length > at + usize::from(u8::MAX)).then(|| {
+        let lost = length.saturating_sub(whole);
+        let found = format!("{lost} of {length} bytes that are no messages, from byte {at} on");
+        let cause = "the file is damaged, or filled up: they are skipped";
+        LogError::file(path, "a whole log", found, cause)
+    });
     let mut recording = Recording {
+        notes: damage.into_iter().collect(),
         parameters: streams.parameters,
         ..Recording::default()
     };
@@ -291,16 +333,7 @@ impl Streams {
         let (name, instance) = instance(entry);
         match name {
             "IMU" => {
-    let (at, length) = (damage.unwrap_or(whole), bytes.len());
-    // The last message breaks off where power is lost, as ever.
-    let damage = (length > at + usize::from(u8::MAX)).then(|| {
-        let lost = length.saturating_sub(whole);
-        let found = format!("{lost} of {length} bytes that are no messages, from byte {at} on");
-        let cause = "the file is damaged, or filled up: they are skipped";
-        LogError::file(path, "a whole log", found, cause)
-    });
                 let vectors = vector(entry, "Gyr").zip(vector(entry, "Acc"));
-        notes: damage.into_iter().collect(),
                 let sample = time(entry).zip(vectors);
                 let sample =
                     sample.map(|(time, (gyro, accel))| BodyAxes::Frd.sample(time, gyro, accel));
