@@ -325,6 +325,20 @@ fn a_packed_recording_that_breaks_off_is_told() {
     }
 }
 
+/// Lengths that cannot be, over which the parsers panic.
+#[test]
+fn damage_that_parsers_do_not_survive_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut dataflash = dataflash(&drive());
+    dataflash[4] = 1;
+    let ulog = [ulog(&drive()), ulog_message(b'P', &[200, 0])].concat();
+    for bytes in [dataflash, ulog] {
+        let path = file(folder.path(), "flight", bytes);
+        let error = open(&path).unwrap_err();
+        assert_eq!(&*error.found, "what its parser stumbles over");
+    }
+}
+
 #[test]
 fn another_sensor_is_chosen_by_its_number() {
     let folder = tempfile::tempdir().unwrap();

@@ -13,6 +13,7 @@ mod texts;
 mod ubx;
 
 use std::io::Read;
+use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
 use recording::{Recording, unpacked, unreadable};
@@ -44,8 +45,8 @@ pub fn open_all(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>
 pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
     let mut all = Recording::default();
     for path in paths {
-        let (_, read) = format(path)?.ok_or_else(|| unknown(path))?;
-        let recording = read(path)?;
+        let format = format(path)?.ok_or_else(|| unknown(path))?;
+        let recording = recording(path, format)?;
         all.imus.extend(recording.imus);
         all.receivers.extend(recording.receivers);
         if all.baro.is_empty() {
@@ -64,8 +65,17 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
 
 /// Numbers of the inertial sensors of a recording but that which is used unasked.
 pub(crate) fn other_imus(path: &Path) -> Result<Vec<usize>, LogError> {
-    let of_format = |(_, read): &Format| Ok(read(path)?.other_imus());
+    let of_format = |format: &Format| Ok(recording(path, format)?.other_imus());
     format(path)?.map_or(Ok(Vec::new()), of_format)
+}
+
+/// What a file holds. Parsers of others may panic at damage, which is no more than an error of the file.
+fn recording(path: &Path, (_, read): &Format) -> Result<Recording, LogError> {
+    catch_unwind(|| read(path)).unwrap_or_else(|_| {
+        let cause = "a damaged file: copy it again, or repair it with the tools of its format";
+        let found = "what its parser stumbles over";
+        Err(LogError::file(path, "a readable recording", found, cause))
+    })
 }
 
 /// Tells a format from a path and the first bytes of its file, and reads it.
