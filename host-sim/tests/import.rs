@@ -340,6 +340,25 @@ fn damage_that_parsers_do_not_survive_is_an_error() {
 }
 
 #[test]
+fn sentences_of_a_wrong_sum_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
+    let text = nmea(&drive()).replacen("$GNGGA,", "$GNGGA,9", 1);
+    let line = 1 + text
+        .lines()
+        .position(|line| line.starts_with("$GNGGA,9"))
+        .unwrap() as u64;
+    let paths = [imu.clone(), file(folder.path(), "log.nmea", text)];
+    let (_, warnings) = read(&paths, Choice::default()).unwrap();
+    let told = warnings.iter().find(|warning| warning.line == Some(line));
+    assert!(told.unwrap().cause.ends_with("left out"), "{warnings:?}");
+    // A file without a fix is named, whichever comes first.
+    let void = file(folder.path(), "void.nmea", "$GPRMC,,V,,,,,,,,,,N*53\r\n");
+    let error = read(&[imu, void.clone()], Choice::default()).unwrap_err();
+    assert_eq!(*error.path, *void);
+}
+
+#[test]
 fn another_sensor_is_chosen_by_its_number() {
     let folder = tempfile::tempdir().unwrap();
     let path = [file(folder.path(), "flight.bin", dataflash(&drive()))];

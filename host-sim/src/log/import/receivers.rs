@@ -13,6 +13,7 @@ use nmea::sentences::rmc::RmcStatusOfFix;
 use super::recording::{Recording, degrees, east_north, level, over_ground, stated};
 use super::texts::{content, date_and_time, number};
 use crate::log::LogError;
+use crate::log::table::Few;
 use crate::statistics::rms;
 
 // --- NMEA: GGA, RMC, VTG and GST of any talker ---
@@ -32,14 +33,22 @@ const DAY_S: f64 = 86_400.0;
 
 pub(super) fn read_nmea(path: &Path) -> Result<Recording, LogError> {
     let text = content(path)?;
-    let mut epochs = Epochs::default();
-    for line in text.lines() {
-        let sentence = line.find('$').map(|at| nmea::parse_str(line[at..].trim()));
-        if let Some(Ok(sentence)) = sentence {
-            epochs.take(&sentence);
+    let (mut epochs, mut damaged) = (Epochs::default(), Few::default());
+    for (number, line) in (1..).zip(text.lines()) {
+        match line.find('$').map(|at| nmea::parse_str(line[at..].trim())) {
+            Some(Ok(sentence)) => epochs.take(&sentence),
+            Some(Err(nmea::Error::ChecksumMismatch { .. })) => {
+                let cause = "bytes that were lost or damaged between receiver and file";
+                let expected = "a sentence of the sum it states";
+                damaged.add(LogError::file(path, expected, "another", cause).at_line(number));
+            }
+            _ => {}
         }
     }
-    let mut recording = Recording::default();
+    let mut recording = Recording {
+        notes: damaged.warning("left out").into_iter().collect(),
+        ..Recording::default()
+    };
     recording.add_receiver(path, "NMEA", epochs.fixes());
     Ok(recording)
 }

@@ -146,6 +146,7 @@ impl Recording {
         path: &Path,
         choice: Choice,
     ) -> Result<(Log, Vec<LogError>), LogError> {
+        let without_fix = self.receivers.first().map(|receiver| receiver.path.clone());
         self.imus.retain(|imu| !imu.samples.is_empty());
         self.receivers.retain(|receiver| !receiver.fixes.is_empty());
         let mut warnings = self.notes;
@@ -161,7 +162,8 @@ impl Recording {
         let from = self.imus.first().map_or(path, |imu| &imu.path);
         let imu = chosen("imu", listed, choice.imu, from, &mut warnings).map_err(why)?;
         let listed = (self.receivers.iter()).map(|from| (&from.name, from.fixes.len()));
-        let from = (self.receivers.first()).map_or(path, |receiver| &receiver.path);
+        let from = without_fix.as_deref().unwrap_or(path);
+        let from = (self.receivers.first()).map_or(from, |receiver| &receiver.path);
         let gnss = chosen("gnss", listed, choice.gnss, from, &mut warnings).map_err(why)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
         let samples = in_order(
