@@ -1478,6 +1478,7 @@ fn values_that_are_no_numbers_are_left_out_and_told() {
         .step_by(15)
         .for_each(|s| s.accel.x = f64::NAN);
     let error = open(&file(folder.path(), "flight", ulog(&drive))).unwrap_err();
+    assert_eq!(error.name.as_deref(), Some("sensor_combined"));
     assert!(
         error
             .cause

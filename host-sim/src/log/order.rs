@@ -79,10 +79,10 @@ pub(super) fn rows<R: Rows>(
     order.settled(count, most_left_out, warnings)
 }
 
-/// The same of rows that are in memory, whose numbers nobody has looked at.
+/// The same of rows that are in memory, whose numbers nobody has looked at: of one source of a file.
 pub(super) fn in_order<T: Copy + PartialEq>(
     all: Vec<T>,
-    path: &Path,
+    (path, source): (&Path, &str),
     time: fn(&T) -> Time,
     at: fn(T, Time) -> T,
     finite: fn(&T) -> bool,
@@ -92,12 +92,12 @@ pub(super) fn in_order<T: Copy + PartialEq>(
     let (count, mut unusable) = (all.len(), Few::default());
     for row in all {
         if !finite(&row) {
-            unusable.add(not_finite(path, time(&row)));
+            unusable.add(not_finite(path, time(&row)).in_column(source));
             continue;
         }
         let defect = |last, time| {
             let [expected, found] = expected_and_found(last, time);
-            LogError::file(path, expected, found, cause(last, time))
+            LogError::file(path, expected, found, cause(last, time)).in_column(source)
         };
         let stamp = order.stamp(time(&row), defect);
         let kept = order.take(at(row, stamp), defect);

@@ -168,7 +168,7 @@ impl Recording {
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
         let samples = in_order(
             imu.samples,
-            &imu.path,
+            (&imu.path, &imu.name),
             |s| s.time,
             |s, time| ImuSample { time, ..s },
             |s| s.gyro.iter().chain(&s.accel).all(|x| x.is_finite()),
@@ -200,7 +200,7 @@ impl Recording {
             imu: samples.into(),
             gnss: in_order(
                 gnss.fixes,
-                &gnss.path,
+                (&gnss.path, &gnss.name),
                 |f| f.time,
                 |f, time| GnssFix { time, ..f },
                 is_finite,
@@ -208,7 +208,7 @@ impl Recording {
             )?,
             baro: in_order(
                 self.baro,
-                path,
+                (path, "barometer"),
                 |h| h.time,
                 |h, time| BaroHeight { time, ..h },
                 |h| h.height_m.is_finite(),
