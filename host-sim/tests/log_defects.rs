@@ -30,7 +30,11 @@ struct Motion {
     more_mps: fn(f64) -> f64,
     up_mps: fn(f64) -> f64,
     pitch_rad: fn(f64) -> f64,
+    /// Right side up, about what is `SWUNG_M` above.
+    swing_rad: fn(f64) -> f64,
 }
+
+const SWUNG_M: f64 = 3.0;
 
 impl Default for Motion {
     fn default() -> Self {
@@ -39,6 +43,7 @@ impl Default for Motion {
             more_mps: |_| 0.0,
             up_mps: |_| 0.0,
             pitch_rad: |_| 0.0,
+            swing_rad: |_| 0.0,
         }
     }
 }
@@ -57,6 +62,17 @@ fn swell() -> Files {
     travel(&Motion {
         pitch_rad: |t| 0.2 * (0.9 * t).sin() + 0.1 * (0.7 * t).sin(),
         ..Motion::default()
+    })
+}
+
+/// A load that swings to the sides, and does not turn where it goes.
+fn canopy() -> Files {
+    travel(&Motion {
+        turn_radps: |t| 0.02 * (7.0 * t).sin(),
+        more_mps: |t| 1.5 * (0.9 * t).sin() + (0.23 * t).sin() - 3.0,
+        up_mps: |t| 0.3 * (0.1 * t).sin() - 6.0,
+        pitch_rad: |t| 0.02 * (1.1 * t).sin(),
+        swing_rad: |t| 0.17 * (1.57 * t).sin() + 0.05 * (1.3 * t + 1.0).sin(),
     })
 }
 
@@ -92,7 +108,9 @@ fn travel(motion: &Motion) -> Files {
         more_mps,
         up_mps,
         pitch_rad,
+        swing_rad,
     } = *motion;
+    let across = |t: f64| SWUNG_M * change(swing_rad, t);
     let mut height_m = 200.0;
     let mut imu = "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n".to_owned();
     let mut gnss = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu\n".to_owned();
@@ -101,15 +119,20 @@ fn travel(motion: &Motion) -> Files {
         let time = f64::from(step) * IMU_STEP_S;
         let rate = turn_radps(time);
         let (speed, up) = (SPEED_MPS + more_mps(time), up_mps(time));
-        let (ve, vn) = (speed * course.sin(), speed * course.cos());
+        let (east, north) = course.sin_cos();
+        let ve = speed * east + across(time) * north;
+        let vn = speed * north - across(time) * east;
+        let right_mps2 = speed * rate + (across(time + 0.01) - across(time - 0.01)) / 0.02;
+        let (up_swung, swung) = swing_rad(time).sin_cos();
         let (sin, cos) = pitch_rad(time).sin_cos();
         writeln!(
             imu,
-            "{time:.3},0.001,{:.5},{rate:.6},{:.5},{:.5},{:.5}",
+            "{time:.3},{:.3},{:.5},{rate:.6},{:.5},{:.5},{:.5}",
+            0.001 - change(swing_rad, time),
             change(pitch_rad, time) - 0.002,
             0.05 + change(more_mps, time) + 9.81 * sin,
-            speed * rate,
-            -9.81 * cos - change(up_mps, time),
+            right_mps2 * swung + 9.81 * up_swung,
+            -9.81 * cos * swung - change(up_mps, time) + right_mps2 * up_swung,
         )
         .unwrap();
         if step % 10 == 0 {
@@ -676,6 +699,10 @@ fn sensor_cases() -> Vec<Case> {
             base: swell,
             ..text("pitch gyro of the wrong sign", |f| {
                 convert(&mut f.imu, "gyro_y", |x| -x);
+        Case {
+            base: canopy,
+            ..text("under a canopy", |_| {})
+        },
             })
         },
     ]

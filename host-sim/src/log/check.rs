@@ -49,7 +49,7 @@ pub(super) fn check(
     check_paths(log, turning, findings)?;
     check_turns(turning, together, log.duration_s(), &rates, findings)?;
     let told = findings.warnings.len();
-    check_axes(log, &rates, findings);
+    check_axes(log, turning, &rates, findings);
     // A track or gravity tells more exactly what the motion as a whole tells of any unit.
     if findings.warnings.len() == told {
         check_readings(log, &rates, findings)?;

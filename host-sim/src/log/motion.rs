@@ -161,8 +161,15 @@ fn fit(legs: &[Leg], angles: &Curve) -> Option<Line> {
 // --- Level accelerations, and gravity that turns in the body. ---
 
 /// Warns where accelerometers show the motion in other axes than they are said to have.
-pub(super) fn check_axes(log: &Log, rates: &Rates, findings: &mut Findings) {
-    if let Some(correlation) = along_the_track(log, rates) {
+pub(super) fn check_axes(
+    log: &Log,
+    turning: Option<&Line>,
+    rates: &Rates,
+    findings: &mut Findings,
+) {
+    // Under a canopy or a cable the nose does not turn with the track, and a swing is felt as its opposite.
+    let follows = turning.is_none_or(|fit| fit.correlation > 0.5);
+    if let Some(correlation) = along_the_track(log, rates).filter(|_| follows) {
         check_level_axes(log, &correlation, findings);
     }
     check_turning_gravity(log, rates, findings);
