@@ -407,6 +407,10 @@ fn row_cases() -> Vec<Case> {
             f.gnss = f.gnss.lines().take(2).collect::<Vec<_>>().join("\n");
             f.gnss = f.gnss.replace("\n0.000,", "\n-3.000,");
         }),
+        text("one increment alone", |f| {
+            f.imu = f.imu.lines().take(2).collect::<Vec<_>>().join("\n");
+            f.meta = f.meta.replace("rates", "increments");
+        }),
         text("spreads below zero", |f| state_spread(f, "-0.8")),
         text("spreads in millimetres", |f| state_spread(f, "860")),
         text("nan in fixes", |f| {
@@ -696,13 +700,13 @@ fn sensor_cases() -> Vec<Case> {
             ..text("a boat in a swell", |_| {})
         },
         Case {
-            base: swell,
-            ..text("pitch gyro of the wrong sign", |f| {
-                convert(&mut f.imu, "gyro_y", |x| -x);
-        Case {
             base: canopy,
             ..text("under a canopy", |_| {})
         },
+        Case {
+            base: swell,
+            ..text("pitch gyro of the wrong sign", |f| {
+                convert(&mut f.imu, "gyro_y", |x| -x);
             })
         },
     ]

@@ -32,6 +32,11 @@ pub(super) fn check(
         warnings,
     };
     keep_one_time(log, findings);
+    if log.imu.len() < 2 {
+        let expected = "inertial samples all along the drive";
+        let cause = "the logger stopped, or most of the file is lost";
+        return Err(findings.imu("", expected, "one alone", cause));
+    }
     let interval_s = median_interval_s(log.imu.times());
     check_intervals(log, interval_s, findings)?;
     mend_fixes(log, findings)?;
@@ -133,7 +138,7 @@ fn check_intervals(log: &Log, imu_s: f64, findings: &mut Findings) -> Result<(),
         return gnss(nanoseconds);
     } else if gnss_s > 30.0 {
         return gnss(milliseconds);
-    } else if dense && log.imu.len() > 1 {
+    } else if dense {
         return imu("minutes or kiloseconds for seconds, or stamps of too few digits");
     }
     if imu_s > 0.045 {
