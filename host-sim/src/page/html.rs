@@ -1,7 +1,8 @@
 //! One self-contained page that works without a network.
 
+use std::error::Error as _;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
@@ -55,9 +56,11 @@ impl Page {
         let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
         let environment = environment()?;
         let template = environment.template_from_str(TEMPLATE).into_diagnostic()?;
+        // What fails of our own template is the file.
+        let cause = |e: &minijinja::Error| e.source().map_or(e.to_string(), ToString::to_string);
         template
             .render_captured_to(self.context(), &mut file)
-            .into_diagnostic()?;
+            .map_err(|e| failed(io::Error::other(cause(&e))))?;
         Ok(file.flush().map_err(failed)?)
     }
 }
@@ -72,4 +75,25 @@ fn environment() -> Result<Environment<'static>> {
 /// A template that may include the style, filled.
 pub(crate) fn fill(template: &str, with: Value) -> Result<String> {
     environment()?.render_str(template, with).into_diagnostic()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A full disk is told with the file, as of any other result.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_told_with_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        std::os::unix::fs::symlink("/dev/full", folder.path().join(REPORT)).unwrap();
+        let error = Page::default()
+            .write(folder.path())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains(REPORT) && error.contains("No space left"),
+            "{error}"
+        );
+    }
 }
