@@ -186,7 +186,10 @@ fn check_accelerometer_unit(
             near_g,
             [
                 (1.0, "g for m/s^2: multiply by 9.80665"),
-                (1000.0, "mg for m/s^2: multiply by 0.00980665"),
+                (
+                    1000.0,
+                    "mg for m/s^2: multiply by 0.00980665; or cm/s^2: multiply by 0.01",
+                ),
                 (1000.0 * g, "mm/s^2 for m/s^2: multiply by 0.001"),
                 (g * interval, to_increments),
             ],

@@ -146,8 +146,8 @@ fn other_origin(log: &Log, findings: &Findings) -> LogError {
     );
     let found = format!("fixes from {first:.3} to {last:.3} s, counted from the first sample");
     let cause = leap_seconds(first).unwrap_or(
-        "the two files count from different origins (UTC, GPS week, boot), and there is too \
-         little motion to find by how much",
+        "the two files count from different origins (UTC, GPS week, boot), and by how much is not \
+         clear from the motion that both show",
     );
     let cause = format!("{cause}: bring both to one scale");
     findings.gnss("t_s", expected, found, cause)

@@ -305,7 +305,7 @@ fn time(row: &Row, column: usize) -> Result<Time, LogError> {
         .map(Time::from_micros)
         .or_else(|| Time::from_seconds(seconds))
         .ok_or_else(|| {
-            let cause = "another unit: nanoseconds, say";
+            let cause = "another unit: milli-, micro- or nanoseconds";
             row.defect(column, "seconds within 1e12", row.cell(column), cause)
         })
 }

@@ -276,7 +276,7 @@ fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
 
 /// A number that is further from zero than what its column is of can be.
 fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
-    let cause = "columns swapped, or another unit: 1e-7 deg, millimetres";
+    let cause = "columns swapped, or another unit: 1e-7 deg, ddmm.mm, millimetres";
     row.defect(column, expected, row.cell(column), cause)
 }
 
