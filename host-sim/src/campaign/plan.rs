@@ -113,7 +113,7 @@ impl Plan {
             None => Ok(()),
             Some(key) => Err(format!(
                 "`errors.{key}`: expected none: the drives would have it and the flights would \
-                 not, so that neither can be foretold from the other"
+                 not, so that neither can be predicted from the other"
             )),
         }
     }

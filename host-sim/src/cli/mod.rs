@@ -63,7 +63,7 @@ enum Command {
     /// Run many and say how good and how honest the results are.
     #[command(subcommand)]
     Study(study::Study),
-    /// Identify many units from drives, fly them, and compare with the accuracy foretold.
+    /// Identify many units from drives, fly them, and compare with the predicted accuracy.
     Campaign(campaign::Campaign),
     /// Add up the shards of a campaign.
     Merge(campaign::Merge),

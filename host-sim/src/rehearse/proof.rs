@@ -205,7 +205,7 @@ fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>
 
 /// A row for each drive and time: predicted over observed, and what 95 % of drives would have.
 pub fn overview(rows: &[Row]) -> Table {
-    let mut header = cells(["drive", "without, s", "outages"]);
+    let mut header = cells(["drive", "without GNSS, s", "outages"]);
     header.extend(FORETOLD.map(|quantity| QUANTITIES[quantity].name.to_owned()));
     let of_one = |rows: &[Row]| {
         let mut cells = vec![
@@ -225,7 +225,7 @@ pub fn overview(rows: &[Row]) -> Table {
 }
 
 pub(crate) fn readable(rows: &[Row]) -> String {
-    let header = heads("| without, s | | outages | observed | predicted | ratio | 95 %");
+    let header = heads("| without GNSS, s | | outages | observed | predicted | ratio | 95 %");
     let row = |row: &Row| {
         vec![
             row.log.clone(),
@@ -247,7 +247,7 @@ pub fn verdict(rows: &[Row]) -> String {
     let good = |row: &&Row| (GOAL[0]..=GOAL[1]).contains(&row.ratio);
     let honest = |row: &&Row| row.ratio_95[0] <= 1.0 && row.ratio_95[1] >= 1.0;
     format!(
-        "{} of {} ratios within {} to {}; in {} the 95 % hold 1.",
+        "{} of {} ratios lie within {} to {}; the 95 % intervals of {} contain 1.",
         rows.iter().filter(good).count(),
         rows.len(),
         GOAL[0],

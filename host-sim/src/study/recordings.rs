@@ -99,8 +99,8 @@ impl Found {
 
 pub fn table(recordings: &[Recording]) -> Table {
     let header = heads(
-        "recording | min | IMU Hz | GNSS Hz | latency, ms | known of 8 | warnings \
-         | against the result | s",
+        "recording | min | IMU Hz | GNSS Hz | latency, ms | observable, of 8 | warnings \
+         | doubts about the result | s",
     );
     Table::of(
         "Recordings, as they are",

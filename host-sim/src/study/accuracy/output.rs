@@ -47,7 +47,7 @@ pub fn readable(results: &Results) -> String {
     };
     format!(
         "{} drives of {} min, seeds from {}: {} converged.\n\n{}\n{limits}\
-         Of honest errors {:.0} +- {:.0} % lie within one sigma (95 times out of 100).\n",
+         With honest sigmas {:.0} +- {:.0} % of the errors lie within one sigma (95 times out of 100).\n",
         study.runs,
         study.minutes,
         study.first_seed,

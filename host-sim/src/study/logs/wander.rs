@@ -34,7 +34,7 @@ const TITLE: &str = "WANDER of a receiver's positions about the way of its veloc
 
 /// What the receivers of logs do.
 pub fn table(logs: &[(String, Wander)]) -> Table {
-    let mut header = heads("log | later, ms");
+    let mut header = heads("log | position delay, ms");
     for what in ["level", "height"] {
         header.extend(OVER_S.map(|over_s| format!("{what}, {over_s:.0} s")));
     }

@@ -58,19 +58,22 @@ pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
         ("in the car, m/s RMS", car),
         ("in the aircraft, m/s RMS", aircraft),
         (
-            "in the aircraft, foretold from the laboratory, m/s RMS",
+            "in the aircraft, predicted from the laboratory, m/s RMS",
             rest,
         ),
-        ("in the aircraft, foretold from the drives, m/s RMS", drives),
-        ("foretold from the laboratory / true", rest / aircraft),
-        ("foretold from the drives / true", drives / aircraft),
+        (
+            "in the aircraft, predicted from the drives, m/s RMS",
+            drives,
+        ),
+        ("predicted from the laboratory / true", rest / aircraft),
+        ("predicted from the drives / true", drives / aircraft),
     ];
     let mut csv = "what,value\n".to_owned();
     csv.extend((numbers.iter()).map(|(what, value)| format!("\"{what}\",{value:.6}\n")));
     Ok(Part {
         name: "table-1-argument",
         title:
-            "Table 1, its argument: free velocity error foretold from a laboratory and from drives"
+            "Table 1, its argument: free velocity error predicted from a laboratory and from drives"
                 .to_owned(),
         how: format!(
             "{} units of 0.1 deg/h and 0.01 deg/sqrt(h) at rest, whose gyros answer to vibration \

@@ -76,7 +76,7 @@ pub(super) fn figure_5(drives: &[Drive]) -> Result<Part> {
             here("heading as given, m/s RMS", given),
             here("azimuth compensated, m/s RMS", compensated),
             here("true attitude, m/s RMS", exact),
-            here("times less by compensation", given / compensated),
+            here("improvement factor of compensation", given / compensated),
         ],
         svg: Some(sheet::svg(&[panel("Velocity error across", lines)])),
         csv: csv(
@@ -168,19 +168,22 @@ pub(super) fn figure_8(drives: &[Drive]) -> Result<Part> {
             all.len()
         ),
         numbers: vec![
-            here("gyros as read, m/s RMS", as_read),
+            here("uncorrected gyros, m/s RMS", as_read),
             here("gyro histories taken out, m/s RMS", history),
-            Number::new("times less", Some(10.0), as_read / history),
-            here("times less, one constant per gyro", constant),
-            here("times less, running estimates from 20 min on", running),
+            Number::new("improvement factor", Some(10.0), as_read / history),
+            here("improvement factor, one constant per gyro", constant),
             here(
-                "times less, the same on gyros without random walk",
+                "improvement factor, running estimates from 20 min on",
+                running,
+            ),
+            here(
+                "improvement factor, the same on gyros without random walk",
                 without_walk,
             ),
         ],
         svg: first.as_ref().map(|[before, after]| {
             let lines = [
-                ("gyros as read", RED, before),
+                ("uncorrected gyros", RED, before),
                 ("gyro histories taken out", GREEN, after),
             ];
             east_and_north(["Velocity error east", "Velocity error north"], &lines)

@@ -62,8 +62,8 @@ fn of_all(results: &Results) -> String {
             .for_each(|row| row.truncate(5));
     }
     format!(
-        "{}\n{} drives of {} min; {} converged. Of honest errors {:.0} +- {:.0} % lie within one \
-         sigma (95 times out of 100).\n",
+        "{}\n{} drives of {} min; {} converged. With honest sigmas {:.0} +- {:.0} % of \
+         the errors lie within one sigma (95 times out of 100).\n",
         table.markdown(),
         study.runs,
         study.minutes,

@@ -27,7 +27,7 @@ pub fn logs(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
     let rows = logs.iter().map(row).collect::<Result<Vec<_>>>()?;
     let header = heads(
         "log | length, s | azimuth error, deg | accelerometer x, mg | accelerometer y, mg \
-         | gyro z, deg/h | latency, ms | before, m/s | after, m/s | times less",
+         | gyro z, deg/h | latency, ms | before, m/s | after, m/s | improvement factor",
     );
     Ok(Some(markdown(&header, &rows)))
 }
