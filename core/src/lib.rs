@@ -1,7 +1,7 @@
-//! Strapdown inertial navigation damped by GNSS velocity, which finds its own sensor errors.
+//! Strapdown INS aided by GNSS through damping loops. It estimates its own sensor errors.
 //!
-//! One type owns everything: [`Navigator`]. Samples and fixes go in as they come; the solution and
-//! the [`Estimates`] can be asked for at any time. SI units; body axes right-forward-up, navigation
+//! One type owns all state: [`Navigator`]. Give it samples and fixes as they arrive; the solution and
+//! the [`Estimates`] are available at any time. SI units; body axes right-forward-up, navigation
 //! frame east-north-up, heading clockwise from north. No allocation, no clock, no panic.
 //!
 //! ```
@@ -10,13 +10,13 @@
 //!     SolutionSigma,
 //! };
 //!
-//! /// Your drivers. Body axes are right, forward, up: of a unit mounted forward-right-down y, x, -z.
+//! /// Your drivers. Body axes are right, forward, up; from forward-right-down pass y, x, -z.
 //! trait Board {
-//!     /// The next sample, once it has come; none when the run is over.
+//!     /// Waits for the next sample; `None` ends the run.
 //!     fn wait_for_sample(&mut self) -> Option<ImuSample>;
-//!     /// A fix that has come meanwhile.
+//!     /// A fix that has arrived since.
 //!     fn fix(&mut self) -> Option<GnssFix>;
-//!     /// What the last run has found out about the sensors.
+//!     /// The calibration that the last run has stored.
 //!     fn recall(&mut self) -> Option<Calibration>;
 //!     fn keep(&mut self, calibration: &Calibration);
 //!     fn show(&mut self, solution: &Solution, sigma: &SolutionSigma, health: &Health);
@@ -25,13 +25,13 @@
 //! fn navigate(board: &mut impl Board) -> Result<(), ConfigError> {
 //!     let config = Config::mems();
 //!     let mut navigator = match board.recall() {
-//!         // Biases come back to 0.1 deg/s and 2 mg, as the data sheet has it.
+//!         // Turn-on repeatability of the data sheet: 0.1 deg/s and 2 mg.
 //!         Some(kept) => Navigator::warm(config, &kept.after_turn_on(1.7e-3, 0.02))?,
 //!         None => Navigator::new(config)?,
 //!     };
 //!     while let Some(sample) = board.wait_for_sample() {
 //!         while let Some(fix) = board.fix() {
-//!             let _ = navigator.on_gnss(&fix); // `Health` counts what becomes of it.
+//!             let _ = navigator.on_gnss(&fix); // `Health` counts the outcomes.
 //!         }
 //!         let _ = navigator.on_imu(&sample);
 //!         if let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) {
