@@ -1,8 +1,8 @@
-//! Aerodynamic forces and moments: linear derivatives, with a wing that stalls.
+//! Aerodynamic forces and moments: linear derivatives, with stall of the wing.
 
 use super::parameters::Parameters;
 
-/// Flow past the aircraft and what moves in it. Rates are those against the air, forward-right-down.
+/// Air data and angular rates. Rates are those against the air, forward-right-down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flow {
     pub airspeed_mps: f64,
@@ -28,8 +28,8 @@ pub struct Surfaces {
     pub flaps: f64,
 }
 
-/// Forces N and moments Nm, forward-right-down, without what depends on the change of the angle
-/// of attack, which comes as two factors per unit of `d alpha / dt`.
+/// Forces N and moments Nm, forward-right-down, except the terms in `d alpha / dt`, whose derivatives are
+/// given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loads {
     pub force: [f64; 3],
@@ -38,7 +38,7 @@ pub struct Loads {
     pub pitch_per_alpha_rate: f64,
 }
 
-/// The model of one aircraft: its parameters and where its wing stalls.
+/// The model of one aircraft: its parameters and the stall angles of its wing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Aerodynamics {
     parameters: Parameters,
@@ -46,7 +46,7 @@ pub struct Aerodynamics {
 }
 
 impl Aerodynamics {
-    /// Places the stall so that the lift curve peaks at the given maxima.
+    /// Chooses the stall angles so that the lift curve peaks at the given maxima.
     pub fn new(parameters: &Parameters) -> Self {
         let mut model = Self {
             parameters: parameters.clone(),
@@ -54,14 +54,14 @@ impl Aerodynamics {
         };
         let (lift, flaps) = (&parameters.lift, &parameters.flaps);
         model.stall_alpha_rad = [
-            model.stall_for(lift.zero, lift.maximum),
-            model.stall_for(lift.zero + flaps.lift, lift.maximum + flaps.lift_maximum),
+            model.stall_alpha_for(lift.zero, lift.maximum),
+            model.stall_alpha_for(lift.zero + flaps.lift, lift.maximum + flaps.lift_maximum),
         ];
         model
     }
 
     /// Angle of attack of half separation for which the largest lift is `maximum`.
-    fn stall_for(&self, zero: f64, maximum: f64) -> f64 {
+    fn stall_alpha_for(&self, zero: f64, maximum: f64) -> f64 {
         let too_little = |stall: f64| {
             let lift = |alpha: f64| {
                 let (sin, cos) = (libm::sin(alpha), libm::cos(alpha));
@@ -70,7 +70,7 @@ impl Aerodynamics {
             let alphas = (0..1000).map(|i| 0.001 * f64::from(i));
             alphas.map(lift).fold(0.0, f64::max) <= maximum
         };
-        last_where(too_little, [0.0, 1.0], 50)
+        bisect(too_little, [0.0, 1.0], 50)
     }
 
     /// Lift coefficient and the separated part of the flow, 0 to 1.
@@ -91,20 +91,20 @@ impl Aerodynamics {
         self.lift_curve(zero, clean + flaps * (landing - clean), alpha, sin, cos)
     }
 
-    /// Elevator that balances the pitching moment in steady flight at an angle of attack.
-    pub fn balancing_elevator(&self, alpha_rad: f64, flaps: f64) -> f64 {
+    /// Elevator for zero pitching moment in steady flight at an angle of attack.
+    pub fn trim_elevator(&self, alpha_rad: f64, flaps: f64) -> f64 {
         let pitch = &self.parameters.pitch;
         -(pitch.zero + flaps * self.parameters.flaps.pitch + pitch.alpha * alpha_rad)
             / pitch.elevator
     }
 
-    /// Largest lift coefficient in balance: what the stall speed goes by.
-    pub fn maximum_balanced_lift(&self, flaps: f64) -> f64 {
+    /// Largest trimmed lift coefficient, which determines the stall speed.
+    pub fn maximum_trimmed_lift(&self, flaps: f64) -> f64 {
         (0..500)
             .map(|i| {
                 let alpha = 0.001 * f64::from(i);
                 let (wing, _) = self.wing(alpha, libm::sin(alpha), libm::cos(alpha), flaps);
-                wing + self.parameters.lift.elevator * self.balancing_elevator(alpha, flaps)
+                wing + self.parameters.lift.elevator * self.trim_elevator(alpha, flaps)
             })
             .fold(0.0, f64::max)
     }
@@ -160,21 +160,21 @@ impl Aerodynamics {
     }
 }
 
-/// Where what holds at first ceases to hold, by halving.
-pub(super) fn last_where(
-    holds: impl Fn(f64) -> bool,
-    [mut first, mut last]: [f64; 2],
-    halvings: u32,
+/// Bisection: the point up to which a condition holds.
+pub(super) fn bisect(
+    condition: impl Fn(f64) -> bool,
+    [mut low, mut high]: [f64; 2],
+    iterations: u32,
 ) -> f64 {
-    for _ in 0..halvings {
-        let middle = 0.5 * (first + last);
-        if holds(middle) {
-            first = middle;
+    for _ in 0..iterations {
+        let middle = 0.5 * (low + high);
+        if condition(middle) {
+            low = middle;
         } else {
-            last = middle;
+            high = middle;
         }
     }
-    first
+    low
 }
 
 /// 0 below 0, 1 above 1, twice differentiable between.

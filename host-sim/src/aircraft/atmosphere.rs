@@ -4,17 +4,17 @@ const TEMPERATURE_K: f64 = 288.15;
 /// Temperature lapse, K/m.
 const LAPSE_KPM: f64 = 0.0065;
 pub const SEA_LEVEL_DENSITY_KGPM3: f64 = 1.225;
-/// Standard gravity, m/s^2: the gravity of the piloting level.
+/// Standard gravity, m/s^2: the gravity of the flight dynamics.
 pub const GRAVITY_MPS2: f64 = 9.806_65;
 /// Gas constant of air, J/(kg K).
 const GAS_CONSTANT: f64 = 287.052_87;
-/// Density falls as temperature to this power.
+/// Density is proportional to temperature to this power.
 const EXPONENT: f64 = GRAVITY_MPS2 / (GAS_CONSTANT * LAPSE_KPM) - 1.0;
 
 /// Air density around a reference height.
 ///
-/// Linear in height, so that the integrator does not raise to a power in every stage: 1 m from
-/// the reference it is off by less than 1e-8 of itself.
+/// Linear in height, to save a power in every stage of the integrator: 1 m from the reference the relative
+/// error is below 1e-8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Density {
     reference_height_m: f64,
@@ -23,7 +23,7 @@ pub struct Density {
 }
 
 impl Density {
-    /// Around `height_m`, which is held to the troposphere.
+    /// Around `height_m`, limited to the troposphere.
     pub fn around(height_m: f64) -> Self {
         let height_m = height_m.clamp(-1000.0, 11_000.0);
         let temperature_k = TEMPERATURE_K - LAPSE_KPM * height_m;

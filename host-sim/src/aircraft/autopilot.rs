@@ -16,7 +16,7 @@ pub struct Target {
     pub lateral: Lateral,
 }
 
-/// What it is to do in the horizontal.
+/// Lateral mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lateral {
     Heading(f64),
@@ -33,7 +33,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Of two places apart from each other.
+    /// From one position to another, which must differ.
     pub fn between(from: &Geodetic, to: &Geodetic) -> Self {
         Self {
             to: *to,
@@ -41,8 +41,8 @@ impl Track {
         }
     }
 
-    /// Distance still to go and distance right of the track.
-    pub fn place(&self, position: &Geodetic) -> (f64, f64) {
+    /// Distance to go and cross-track error, right positive.
+    pub fn to_go_and_cross_track(&self, position: &Geodetic) -> (f64, f64) {
         let from_end = position.enu_from(&self.to).xy();
         (
             -from_end.dot(&self.direction),
@@ -51,13 +51,13 @@ impl Track {
     }
 }
 
-/// Heading or course error that the bank takes out per second, 1/s.
+/// Gain of the heading or course loop, 1/s.
 const COURSE_RATE: f64 = 0.12;
-/// Track error is aimed at this far ahead, s.
+/// Look-ahead time of the track loop, s.
 const TRACK_TIME_S: f64 = 18.0;
-/// Airspeed asked for changes no faster than engine and drag can follow, m/s^2.
+/// Rate limit of the airspeed command, which engine and drag can follow, m/s^2.
 const AIRSPEED_RATE_MPS2: f64 = 0.5;
-/// Height error taken out per second, 1/s.
+/// Gain of the height loop, 1/s.
 const HEIGHT_RATE: f64 = 0.12;
 
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ pub struct Autopilot {
     parameters: Parameters,
     bank_limit_rad: f64,
     climb_limit_mps: f64,
-    bank_wanted_rad: f64,
+    bank_command_rad: f64,
     airspeed_reference_mps: f64,
     roll_reference_rad: f64,
     pitch_integral_rad: f64,
@@ -75,7 +75,7 @@ pub struct Autopilot {
 }
 
 impl Autopilot {
-    /// Takes over a steady flight; `climb_limit_mps` is the most it asks for.
+    /// Engaged in steady flight; `climb_limit_mps` limits the climb command.
     pub fn new(
         parameters: &Parameters,
         trim: &Trim,
@@ -86,7 +86,7 @@ impl Autopilot {
             parameters: parameters.clone(),
             bank_limit_rad,
             climb_limit_mps,
-            bank_wanted_rad: 0.0,
+            bank_command_rad: 0.0,
             airspeed_reference_mps: trim.state.velocity_enu_mps.norm(),
             roll_reference_rad: trim.euler.roll_rad,
             pitch_integral_rad: trim.euler.pitch_rad,
@@ -96,7 +96,7 @@ impl Autopilot {
         }
     }
 
-    /// The bank that the target asks for; slow compared with the rest.
+    /// Guidance: the bank command for the target; slower than the inner loops.
     pub fn guide(
         &mut self,
         target: &Target,
@@ -107,20 +107,20 @@ impl Autopilot {
         let ground_mps = velocity_enu_mps.xy().norm();
         let error_rad = match target.lateral {
             Lateral::Bank(bank_rad) => {
-                self.bank_wanted_rad = bank_rad;
+                self.bank_command_rad = bank_rad;
                 return;
             }
-            Lateral::Heading(wanted) => wrap_pi(wanted - heading_rad),
+            Lateral::Heading(command) => wrap_pi(command - heading_rad),
             Lateral::Track(track) => {
-                let (_, right_m) = track.place(position);
+                let (_, cross_track_m) = track.to_go_and_cross_track(position);
                 let course = libm::atan2(velocity_enu_mps.x, velocity_enu_mps.y);
                 let along = libm::atan2(track.direction.x, track.direction.y);
-                let intercept = libm::atan(right_m / (TRACK_TIME_S * ground_mps));
+                let intercept = libm::atan(cross_track_m / (TRACK_TIME_S * ground_mps));
                 wrap_pi(along - intercept - course)
             }
         };
         let bank = libm::atan(COURSE_RATE * error_rad * ground_mps / GRAVITY_MPS2);
-        self.bank_wanted_rad = bank.clamp(-self.bank_limit_rad, self.bank_limit_rad);
+        self.bank_command_rad = bank.clamp(-self.bank_limit_rad, self.bank_limit_rad);
     }
 
     pub fn control(
@@ -133,35 +133,36 @@ impl Autopilot {
         let gains = &self.parameters.autopilot;
         let travel = &self.parameters.travel;
         let dt = STEP_S;
-        let most = AIRSPEED_RATE_MPS2 * dt;
+        let max_change = AIRSPEED_RATE_MPS2 * dt;
         self.airspeed_reference_mps +=
-            (target.airspeed_mps - self.airspeed_reference_mps).clamp(-most, most);
-        let slow_mps = self.airspeed_reference_mps - air.airspeed_mps;
+            (target.airspeed_mps - self.airspeed_reference_mps).clamp(-max_change, max_change);
+        let speed_error_mps = self.airspeed_reference_mps - air.airspeed_mps;
 
-        // Speed by throttle; the integral stops at the ends of the travel.
-        let throttle = self.throttle_integral + gains.throttle_per_speed * slow_mps;
-        let saturated = (throttle > 1.0 && slow_mps > 0.0) || (throttle < 0.0 && slow_mps < 0.0);
+        // Speed by throttle, with anti-windup at the ends of the travel.
+        let throttle = self.throttle_integral + gains.throttle_per_speed * speed_error_mps;
+        let saturated =
+            (throttle > 1.0 && speed_error_mps > 0.0) || (throttle < 0.0 && speed_error_mps < 0.0);
         if !saturated {
-            self.throttle_integral += gains.throttle_per_speed_integral * slow_mps * dt;
+            self.throttle_integral += gains.throttle_per_speed_integral * speed_error_mps * dt;
         }
 
-        // Height by pitch, but speed comes first: an aircraft that slows down climbs less.
-        let climb_limit = self.climb_limit_mps - (0.6 * (slow_mps - 1.0)).max(0.0);
-        let climb_wanted = (HEIGHT_RATE * (target.height_m - state.height_m)).clamp(
+        // Height by pitch, with priority of speed: an aircraft that is too slow climbs less.
+        let climb_limit = self.climb_limit_mps - (0.6 * (speed_error_mps - 1.0)).max(0.0);
+        let climb_command = (HEIGHT_RATE * (target.height_m - state.height_m)).clamp(
             -gains.maximum_descent_mps,
             climb_limit.max(-gains.maximum_descent_mps),
         );
-        let climb_error = climb_wanted - state.velocity_enu_mps.z;
+        let climb_error = climb_command - state.velocity_enu_mps.z;
         self.pitch_integral_rad = (self.pitch_integral_rad
             + gains.pitch_per_climb_integral * climb_error * dt)
             .clamp(-0.25, 0.25);
-        let pitch_wanted =
+        let pitch_command =
             (self.pitch_integral_rad + gains.pitch_per_climb * climb_error).clamp(-0.3, 0.3);
 
         // Bank, approached no faster than the roll-rate limit.
-        let most = gains.maximum_roll_rate_radps * dt;
+        let max_change = gains.maximum_roll_rate_radps * dt;
         self.roll_reference_rad +=
-            (self.bank_wanted_rad - self.roll_reference_rad).clamp(-most, most);
+            (self.bank_command_rad - self.roll_reference_rad).clamp(-max_change, max_change);
         let (sin_roll, cos_roll) = libm::sincos(euler.roll_rad);
         let turn_rate = GRAVITY_MPS2 * sin_roll / (cos_roll.max(0.5) * air.airspeed_mps);
         let (pitch_rate, roll_rate, yaw_rate) =
@@ -176,7 +177,7 @@ impl Autopilot {
         controls.throttle = throttle.clamp(0.0, 1.0);
         let surfaces = &mut controls.surfaces;
         surfaces.elevator_rad = (self.trim.surfaces.elevator_rad
-            - gains.elevator_per_pitch * (pitch_wanted - euler.pitch_rad)
+            - gains.elevator_per_pitch * (pitch_command - euler.pitch_rad)
             + gains.elevator_per_pitch_rate_s * (pitch_rate - turn_rate * sin_roll))
             .clamp(-travel.elevator_up_rad, travel.elevator_down_rad);
         surfaces.aileron_rad = (self.trim.surfaces.aileron_rad

@@ -1,7 +1,7 @@
-//! Six degrees of freedom over a flat Earth that does not turn: the piloting level.
+//! Flight dynamics: six degrees of freedom over a flat, non-rotating Earth.
 //!
-//! Frames as everywhere: East-North-Up and right-forward-up. Aerodynamics speak
-//! forward-right-down; the change of axes is done here and nowhere else.
+//! Frames as everywhere: East-North-Up and right-forward-up. Aerodynamics use forward-right-down; the axes
+//! are converted only here.
 
 use std::ops::{Add, Div, Mul};
 
@@ -12,14 +12,14 @@ use super::atmosphere::{Density, GRAVITY_MPS2};
 use super::parameters::Parameters;
 use ins_core::attitude;
 
-/// Step of the integrator and of the autopilot, s. `step_size_is_small_enough` is the evidence.
+/// Step of the integrator and of the autopilot, s; verified by `step_size_is_small_enough`.
 pub const STEP_S: f64 = 0.02;
 
-/// Where the aircraft is in its own mechanics. Latitude and longitude do not matter here.
+/// State of the flight dynamics, which do not depend on latitude and longitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
     pub velocity_enu_mps: Vector3<f64>,
-    /// Body to ENU, unit length but for the rounding of the integrator.
+    /// Body to ENU, of unit length within the integrator's error.
     pub attitude: Quaternion<f64>,
     /// Body rate against the Earth, right-forward-up.
     pub rate_radps: Vector3<f64>,
@@ -36,7 +36,7 @@ pub struct Derivative {
     pub engine_rps2: f64,
 }
 
-/// What the pilot holds.
+/// Control inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Controls {
     pub surfaces: Surfaces,
@@ -60,7 +60,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    fn half_way(&self, to: &Self) -> Self {
+    fn midpoint(&self, to: &Self) -> Self {
         let mid = |a: f64, b: f64| 0.5 * (a + b);
         let (s, t) = (&self.controls.surfaces, &to.controls.surfaces);
         Self {
@@ -82,7 +82,7 @@ impl Inputs {
     }
 }
 
-/// The air as the aircraft meets it.
+/// Airspeed and sideslip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AirData {
     pub airspeed_mps: f64,
@@ -140,7 +140,7 @@ impl Dynamics {
         }
     }
 
-    /// Forces and moments turned into accelerations.
+    /// Equations of motion: time derivative of the state.
     pub fn derivative(&self, state: &State, inputs: &Inputs, density: &Density) -> Derivative {
         let parameters = &self.parameters;
         let density_kgpm3 = density.at(state.height_m);
@@ -183,7 +183,7 @@ impl Dynamics {
         let (down_x, down_z) = (-body_to_enu.m32, body_to_enu.m33);
         let u_dot = fx + GRAVITY_MPS2 * down_x + r * v - q * w;
         let w_dot = fz + GRAVITY_MPS2 * down_z + q * u - p * v;
-        // Lift that depends on d alpha/dt changes d alpha/dt: solved, not iterated.
+        // Lift depends on d alpha/dt, which depends on lift: solved in closed form.
         let alpha_rate = (u * w_dot - w * u_dot)
             / (symmetric_square + loads.lift_per_alpha_rate * symmetric / mass_kg).max(1.0);
         let rate_lift = loads.lift_per_alpha_rate * alpha_rate / mass_kg;
@@ -220,7 +220,7 @@ impl Dynamics {
     }
 
     /// One step of the classical Runge-Kutta method; `first` is the derivative at the start.
-    /// Inputs run linearly from `from` to `to`.
+    /// Inputs are linear from `from` to `to`.
     pub fn step(
         &self,
         state: &State,
@@ -230,18 +230,18 @@ impl Dynamics {
         density: &Density,
         dt: f64,
     ) -> State {
-        let middle = from.half_way(to);
+        let middle = from.midpoint(to);
         let k1 = first;
         let k2 = self.derivative(&state.advanced(k1, 0.5 * dt), &middle, density);
         let k3 = self.derivative(&state.advanced(&k2, 0.5 * dt), &middle, density);
         let k4 = self.derivative(&state.advanced(&k3, dt), to, density);
         let all = [k1, &k2, &k3, &k4];
         let mean = Derivative {
-            acceleration_enu_mps2: weighed(all.map(|k| k.acceleration_enu_mps2)),
-            attitude: weighed(all.map(|k| k.attitude)),
-            rate_radps2: weighed(all.map(|k| k.rate_radps2)),
-            height_mps: weighed(all.map(|k| k.height_mps)),
-            engine_rps2: weighed(all.map(|k| k.engine_rps2)),
+            acceleration_enu_mps2: rk4_mean(all.map(|k| k.acceleration_enu_mps2)),
+            attitude: rk4_mean(all.map(|k| k.attitude)),
+            rate_radps2: rk4_mean(all.map(|k| k.rate_radps2)),
+            height_mps: rk4_mean(all.map(|k| k.height_mps)),
+            engine_rps2: rk4_mean(all.map(|k| k.engine_rps2)),
         };
         let mut end = state.advanced(&mean, dt);
         end.attitude /= end.attitude.norm();
@@ -249,8 +249,8 @@ impl Dynamics {
     }
 }
 
-/// The mean of the four stages.
-fn weighed<T>([k1, k2, k3, k4]: [T; 4]) -> T
+/// Runge-Kutta weighted mean of the four stages.
+fn rk4_mean<T>([k1, k2, k3, k4]: [T; 4]) -> T
 where
     T: Add<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>,
 {

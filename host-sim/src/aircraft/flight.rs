@@ -1,4 +1,4 @@
-//! A planned flight, step by step: autopilot, air, forces; and its motion as a function of time.
+//! Simulation of a planned flight: autopilot, air, dynamics; and its motion as a function of time.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -19,10 +19,10 @@ use crate::sim::ideal::displaced;
 use crate::sim::motion::swung;
 use crate::sim::{Kinematics, Motion};
 
-/// Guidance runs once in so many steps.
+/// Steps per guidance update.
 const GUIDE_EVERY: u64 = 10;
-/// A leg that takes longer than in still air by this factor, and ten minutes, is not to be reached.
-const PATIENCE: f64 = 3.0;
+/// Timeout of a leg: this factor on its time in still air, plus ten minutes.
+const TIMEOUT_FACTOR: f64 = 3.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FlightError {
@@ -33,7 +33,7 @@ pub enum FlightError {
     #[error("hit the ground after {time_s:.0} s, on leg {leg}")]
     Ground { time_s: f64, leg: usize },
     #[error("leg {leg} is not over {time_s:.0} s after its beginning: too much head wind?")]
-    NeverThere { time_s: f64, leg: usize },
+    LegTimeout { time_s: f64, leg: usize },
 }
 
 #[derive(Clone, Debug)]
@@ -45,11 +45,11 @@ pub struct Flight {
     /// Lines of its spectrum.
     vibration: Option<Vec<Line>>,
     steps: u64,
-    /// Where the integrator has come to; controls and wind there.
+    /// End of the last integrator step; `inputs` are controls and wind there.
     pub node: Node,
     derivative: Derivative,
     pub inputs: Inputs,
-    /// As the autopilot knows it.
+    /// Position for guidance.
     pub position: Geodetic,
     /// From the node before, with angle and speed of the crank at both ends.
     segment: Segment,
@@ -57,9 +57,9 @@ pub struct Flight {
     crank_radps: [f64; 2],
     leg: usize,
     leg_start_s: f64,
-    leg_patience_s: f64,
+    leg_timeout_s: f64,
     pub target: Target,
-    over: bool,
+    finished: bool,
 }
 
 impl Flight {
@@ -127,35 +127,35 @@ impl Flight {
             crank_radps: [TAU * state.engine_rps; 2],
             leg: 0,
             leg_start_s: 0.0,
-            leg_patience_s: 0.0,
+            leg_timeout_s: 0.0,
             target: Target {
                 height_m: 0.0,
                 airspeed_mps: 0.0,
                 lateral: Lateral::Heading(0.0),
             },
-            over: false,
+            finished: false,
         };
         flight.begin_leg(0);
         flight.step();
         Ok(flight)
     }
 
-    /// How long the plan takes with this seed, s; flown to the end, without sensors.
+    /// Duration of the plan with this seed, s, by a trial flight without sensors.
     pub fn duration_s(&self) -> Result<f64, FlightError> {
-        let Some(told_s) = self.plan.duration_s else {
-            return Ok(libm::floor(self.tried(|trial| trial.over)?));
+        let Some(given_s) = self.plan.duration_s else {
+            return Ok(libm::floor(self.fly_until(|trial| trial.finished)?));
         };
-        self.can_last(told_s).map(|()| told_s)
+        self.check_duration(given_s).map(|()| given_s)
     }
 
-    /// Whether it can be flown for so long; past the end of its plan it goes on as on its last leg.
-    pub fn can_last(&self, duration_s: f64) -> Result<(), FlightError> {
-        self.tried(|trial| trial.node.time_s >= duration_s)
+    /// Whether it can be flown for a duration; after the end of the plan the last leg continues.
+    pub fn check_duration(&self, duration_s: f64) -> Result<(), FlightError> {
+        self.fly_until(|trial| trial.node.time_s >= duration_s)
             .map(|_| ())
     }
 
-    /// When it is done, s; flown until then, without sensors.
-    fn tried(&self, done: impl Fn(&Self) -> bool) -> Result<f64, FlightError> {
+    /// Time at which a trial flight without sensors meets a condition, s.
+    fn fly_until(&self, done: impl Fn(&Self) -> bool) -> Result<f64, FlightError> {
         let mut trial = self.clone();
         while !done(&trial) {
             trial.step();
@@ -167,16 +167,16 @@ impl Flight {
     fn check(&self) -> Result<(), FlightError> {
         let (time_s, leg) = (self.node.time_s, self.leg + 1);
         let angles = euler(&self.node.state);
-        let upright = angles.pitch_rad.abs() < 0.8 && angles.roll_rad.abs() < 1.2;
-        if !upright || !self.node.state.height_m.is_finite() {
+        let in_control = angles.pitch_rad.abs() < 0.8 && angles.roll_rad.abs() < 1.2;
+        if !in_control || !self.node.state.height_m.is_finite() {
             return Err(FlightError::OutOfControl { time_s, leg });
         }
         if self.node.state.height_m < self.plan.ground_height_m {
             return Err(FlightError::Ground { time_s, leg });
         }
         let on_leg_s = time_s - self.leg_start_s;
-        if on_leg_s > self.leg_patience_s {
-            return Err(FlightError::NeverThere {
+        if on_leg_s > self.leg_timeout_s {
+            return Err(FlightError::LegTimeout {
                 time_s: on_leg_s,
                 leg,
             });
@@ -194,7 +194,7 @@ impl Flight {
             Path2d::Heading { heading_rad, .. } => Lateral::Heading(heading_rad),
             Path2d::Bank { bank_rad, .. } => Lateral::Bank(bank_rad),
             Path2d::To(place) => {
-                // From the last waypoint if there was one; else from here.
+                // From the last waypoint if there was one, else from the current position.
                 let from = match self.target.lateral {
                     Lateral::Track(track) => track.to,
                     _ => self.position,
@@ -202,10 +202,10 @@ impl Flight {
                 Lateral::Track(Track::between(&from, &at(place, height_m)))
             }
         };
-        self.leg_patience_s = match &lateral {
+        self.leg_timeout_s = match &lateral {
             Lateral::Track(track) => {
-                let (to_go_m, _) = track.place(&self.position);
-                600.0 + PATIENCE * to_go_m.abs() / airspeed_mps
+                let (to_go_m, _) = track.to_go_and_cross_track(&self.position);
+                600.0 + TIMEOUT_FACTOR * to_go_m.abs() / airspeed_mps
             }
             _ => f64::INFINITY,
         };
@@ -218,7 +218,7 @@ impl Flight {
         };
     }
 
-    /// The leg after this one; with a duration in the plan the first follows the last.
+    /// The next leg; with a duration in the plan the first follows the last.
     fn next_leg(&self) -> Option<usize> {
         let next = self.leg + 1;
         if next < self.plan.legs.len() {
@@ -234,14 +234,14 @@ impl Flight {
                 self.node.time_s >= self.leg_start_s + duration_s
             }
             (Path2d::To(_), Lateral::Track(track)) => {
-                let (to_go_m, _) = track.place(&self.position);
+                let (to_go_m, _) = track.to_go_and_cross_track(&self.position);
                 to_go_m < self.turn_lead_m(track)
             }
             _ => true,
         }
     }
 
-    /// How far before the end of this track the turn onto the next begins.
+    /// Lead distance of the turn onto the next track.
     fn turn_lead_m(&self, track: &Track) -> f64 {
         let Some(next) = self.next_leg() else {
             return 0.0;
@@ -258,7 +258,7 @@ impl Flight {
         if self.leg_is_over() {
             match self.next_leg() {
                 Some(next) => self.begin_leg(next),
-                None => self.over = true,
+                None => self.finished = true,
             }
         }
         let velocity = self.node.state.velocity_enu_mps;
@@ -298,7 +298,7 @@ impl Flight {
         };
         self.segment = Segment::between(&self.node, &node);
         self.node = node;
-        // The flight of the flat Earth, put onto the ellipsoid.
+        // Flat-Earth displacement applied on the ellipsoid.
         self.position = Geodetic {
             height_m: next.height_m,
             ..displaced(&self.position, &self.segment.displacement_enu_m())
@@ -306,11 +306,11 @@ impl Flight {
         self.turn_crank(TAU * next.engine_rps);
     }
 
-    /// Over the step, the speed taken linear within it.
+    /// Crank angle over the step, with linear speed.
     fn turn_crank(&mut self, to_radps: f64) {
         let ([_, from_rad], [_, from_radps]) = (self.crank_rad, self.crank_radps);
         let turned_rad = from_rad + 0.5 * STEP_S * (from_radps + to_radps);
-        // Orders have no common period to take out; in a day it comes to 2e7, good to 4e-9.
+        // Not wrapped: orders have no common period. In a day it reaches 2e7, with a resolution of 4e-9.
         self.crank_rad = [from_rad, turned_rad];
         self.crank_radps = [from_radps, to_radps];
     }
@@ -318,7 +318,7 @@ impl Flight {
 
 impl Motion for Flight {
     fn kinematics(&mut self, time_s: f64) -> Kinematics {
-        // A whole step's rounding, far below a sampling interval.
+        // Tolerance for rounding, far below a sampling interval.
         while time_s > self.segment.end_s() + 1e-9 {
             self.step();
         }
@@ -334,12 +334,12 @@ impl Motion for Flight {
             rate_radps: from_radps + since_s * rate_radps2,
             rate_radps2,
         };
-        shaken(&kinematics, lines, &crank)
+        with_vibration(&kinematics, lines, &crank)
     }
 }
 
-/// Shaking of the inertial unit against the airframe by engine and propeller: a small displacement and
-/// rotation, each line a sinusoid of the crank angle.
+/// Spectral line of the vibration of the inertial unit by engine and propeller: displacement and rotation
+/// against the airframe, sinusoidal in the crank angle.
 ///
 /// Amplitudes of displacement are constant: acceleration grows with the square of engine speed.
 #[derive(Clone, Copy, Debug)]
@@ -371,11 +371,11 @@ fn vibration(parameters: &Parameters) -> Vec<Line> {
     lines.collect()
 }
 
-fn shaken(k: &Kinematics, lines: &[Line], crank: &Crank) -> Kinematics {
+fn with_vibration(k: &Kinematics, lines: &[Line], crank: &Crank) -> Kinematics {
     let (mut velocity, mut acceleration) = (Vector3::zeros(), Vector3::zeros());
     let (mut rotation, mut rate) = (Vector3::zeros(), Vector3::zeros());
     for line in lines {
-        // A quarter turn between the axes: the unit describes ellipses, not lines.
+        // Axes in quadrature: the unit moves on ellipses, not lines.
         for axis in 0..3 {
             let phase = line.order * crank.angle_rad + FRAC_PI_2 * axis as f64;
             let (sin, cos) = libm::sincos(phase);

@@ -1,5 +1,5 @@
-//! An aircraft in two levels: flown by forces over a flat Earth ([`dynamics`]), sensed on the
-//! rotating ellipsoid (`crate::sim::ideal`).
+//! An aircraft at two levels: flight dynamics over a flat Earth ([`dynamics`]), sensors on the rotating
+//! ellipsoid (`crate::sim::ideal`).
 
 pub mod aerodynamics;
 pub mod atmosphere;

@@ -1,4 +1,4 @@
-//! Parameters of an aircraft, as its TOML file gives them. Units stand in the names; angles per
+//! Parameters of an aircraft, as in its TOML file. Units are in the names; angles per
 //! radian; coefficients in the usual non-dimensional form (rates by chord or span over 2 V).
 
 use std::f64::consts::TAU;
@@ -230,7 +230,7 @@ impl Propeller {
     }
 }
 
-/// What the propeller does at one engine speed.
+/// Thrust and torque of the propeller at one engine speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thrust {
     pub thrust_n: f64,
@@ -240,12 +240,12 @@ pub struct Thrust {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Autopilot {
-    /// Lowest speed asked for, as a multiple of the clean stall speed.
+    /// Lowest speed command, as a multiple of the clean stall speed.
     pub stall_margin: f64,
     pub maximum_bank_rad: f64,
     pub maximum_roll_rate_radps: f64,
     pub maximum_descent_mps: f64,
-    /// Pitch angle asked for per climb-rate error, rad/(m/s).
+    /// Pitch command per climb-rate error, rad/(m/s).
     pub pitch_per_climb: f64,
     /// Its integral, rad/(m/s)/s.
     pub pitch_per_climb_integral: f64,
@@ -264,7 +264,7 @@ pub struct Autopilot {
     pub rudder_per_yaw_rate_s: f64,
 }
 
-/// Shaking of the inertial unit by engine and propeller at cruise speed of the engine.
+/// Vibration of the inertial unit by engine and propeller at cruise speed of the engine.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Vibration {

@@ -1,8 +1,8 @@
-//! What an aircraft can do: speeds, climb, ceiling.
+//! Performance of an aircraft: speeds, climb, ceiling.
 
 use serde::Serialize;
 
-use super::aerodynamics::last_where;
+use super::aerodynamics::bisect;
 use super::atmosphere::{self, GRAVITY_MPS2};
 use super::dynamics::Dynamics;
 use super::trim::{Condition, Modes, Power, Trim, modes};
@@ -47,7 +47,7 @@ pub struct TrimRow {
 pub fn stall_speed_mps(dynamics: &Dynamics, height_m: f64, flaps: f64) -> f64 {
     let p = &dynamics.parameters;
     let weight_n = p.mass.mass_kg * GRAVITY_MPS2;
-    let lift = dynamics.aerodynamics.maximum_balanced_lift(flaps);
+    let lift = dynamics.aerodynamics.maximum_trimmed_lift(flaps);
     (2.0 * weight_n / (atmosphere::density(height_m) * p.geometry.wing_area_m2 * lift)).sqrt()
 }
 
@@ -70,7 +70,7 @@ pub fn best_climb(dynamics: &Dynamics, height_m: f64) -> Option<Trim> {
     let stall = stall_speed_mps(dynamics, height_m, 0.0);
     let rate = |speed: f64| climb_rate_mps(dynamics, speed, height_m).unwrap_or(f64::NEG_INFINITY);
     let (mut low, mut high) = (1.1 * stall, 2.5 * stall);
-    // One maximum: trisection.
+    // Unimodal: ternary search.
     for _ in 0..40 {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
         if rate(a) < rate(b) { low = a } else { high = b }
@@ -86,17 +86,17 @@ pub fn max_speed(dynamics: &Dynamics, height_m: f64) -> Option<Trim> {
     }
     let slowest = best.state.velocity_enu_mps.norm();
     let climbs = |speed| climb_rate_mps(dynamics, speed, height_m).is_some_and(|rate| rate > 0.0);
-    let speed = last_where(climbs, [slowest, 3.0 * slowest], 50);
+    let speed = bisect(climbs, [slowest, 3.0 * slowest], 50);
     full_throttle(dynamics, speed, height_m)
 }
 
-/// Height at which the best climb has fallen to `climb_mps`.
+/// Height at which the best climb is `climb_mps`.
 pub fn ceiling_m(dynamics: &Dynamics, climb_mps: f64) -> f64 {
     let climbs = |height_m| {
         let best = best_climb(dynamics, height_m);
         best.is_some_and(|trim| trim.climb_rate_mps > climb_mps)
     };
-    last_where(climbs, [0.0, 11_000.0], 20)
+    bisect(climbs, [0.0, 11_000.0], 20)
 }
 
 /// Steady level flight; `None` where it is impossible.

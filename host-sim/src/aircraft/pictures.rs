@@ -39,7 +39,7 @@ pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
         over_time(&|s| s.euler().pitch_rad.to_degrees()),
         unwrapped(over_time(&|s| s.euler().heading_rad.to_degrees())),
     ];
-    // What increments are made of: rates, from the step between two stamps.
+    // Rates from increments, by the interval between two stamps.
     let imu = thinned(&run.imu);
     let step_s = match (run.imu.first(), run.imu.get(1)) {
         (Some(a), Some(b)) => output.per_rate(b.time.seconds_since(a.time)),
@@ -72,7 +72,7 @@ pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
     ]
 }
 
-/// What the aircraft does over its range of speeds at sea level.
+/// Performance over the range of speeds at sea level.
 pub fn of_aircraft(dynamics: &Dynamics, slowest_mps: f64, fastest_mps: f64) -> Vec<Picture> {
     let speeds: Vec<f64> = (0..=60)
         .map(|i| slowest_mps + (fastest_mps - slowest_mps) * f64::from(i) / 60.0)
@@ -125,7 +125,7 @@ fn lines(x_label: &str, y_label: &str, series: Vec<Line>) -> String {
     .svg()
 }
 
-/// Angles that go on beyond a whole turn, deg.
+/// Unwrapped angles, deg.
 fn unwrapped(mut line: Line) -> Line {
     for index in 1..line.len() {
         let step = line[index].1 - line[index - 1].1;
@@ -134,7 +134,7 @@ fn unwrapped(mut line: Line) -> Line {
     line
 }
 
-/// Ground track, the same scale both ways.
+/// Ground track, with equal scales.
 pub(crate) fn track(truth: &[&Solution]) -> String {
     let origin = truth.first().map_or(Geodetic::default(), |s| s.position);
     let points: Vec<(f64, f64)> = truth
@@ -159,7 +159,7 @@ pub(crate) fn track(truth: &[&Solution]) -> String {
     .svg()
 }
 
-/// Every so many-th, so that [`POINTS`] or fewer are left.
+/// Decimated to at most [`POINTS`].
 fn thinned<T>(all: &[T]) -> Vec<&T> {
     all.iter()
         .step_by(all.len().div_ceil(POINTS).max(1))

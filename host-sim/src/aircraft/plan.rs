@@ -1,4 +1,4 @@
-//! Flight plans: a TOML file, checked against what the aircraft can do before it takes off.
+//! Flight plans: a TOML file, checked against the performance of the aircraft.
 
 use std::path::Path;
 
@@ -21,12 +21,12 @@ pub struct Plan {
     pub ground_height_m: f64,
     pub bank_rad: f64,
     pub vibration: bool,
-    /// With a duration the legs are flown again and again until it is over.
+    /// With a duration the legs are repeated until its end.
     pub duration_s: Option<f64>,
     pub legs: Vec<Leg>,
 }
 
-/// Where the flight begins, in steady level flight.
+/// Initial steady level flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     pub position: Geodetic,
@@ -34,7 +34,7 @@ pub struct Start {
     pub airspeed_mps: f64,
 }
 
-/// One leg of the flight; height and airspeed are held, and reached as fast as the autopilot may.
+/// One leg of the flight; height and airspeed are held, and reached at the autopilot's limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
     pub path: Path2d,
@@ -184,7 +184,7 @@ impl Plan {
     }
 }
 
-/// A bound as it is told: one decimal, on the side of zero, so that it is accepted itself.
+/// A bound for a message: one decimal, rounded towards zero, so that it is accepted itself.
 fn tenths(bound: f64) -> f64 {
     (10.0 * bound).trunc() / 10.0
 }
@@ -196,13 +196,13 @@ struct Checker<'a> {
     ground_height_m: f64,
 }
 
-/// Of turns, where the plan does not say.
+/// Default bank of turns.
 const BANK_DEG: f64 = 20.0;
-/// Waypoints closer than this are one.
+/// Waypoints closer than this are the same.
 const SAME_PLACE_M: f64 = 1.0;
-/// Of the ground, from the Dead Sea to Everest, m.
+/// Height of the ground, from the Dead Sea to Everest, m.
 const GROUND_M: [f64; 2] = [-500.0, 9000.0];
-/// Of legs at a fixed heading or bank, and of a flight.
+/// Longest leg at a fixed heading or bank, and longest flight.
 const LONGEST_S: f64 = 86_400.0;
 
 impl Checker<'_> {
@@ -287,7 +287,7 @@ impl Checker<'_> {
         })
     }
 
-    /// Height and airspeed are those of the leg before, where it says nothing.
+    /// Height and airspeed default to those of the leg before.
     fn leg(
         &self,
         spanned: &Spanned<LegTable>,
@@ -303,7 +303,7 @@ impl Checker<'_> {
             Path2d::Bank { bank_rad, .. } => turns_rad.max(bank_rad.abs()),
             _ => turns_rad,
         };
-        // The speed carried over must do at a new height and in a new bank, too.
+        // The previous speed must be valid at a new height and in a new bank as well.
         let changed = leg.height_m.as_ref().or(leg.bank_deg.as_ref());
         let carried = changed.map(|value| Spanned::new(value.span(), airspeed_before_mps));
         let airspeed_mps = match leg.airspeed_mps.as_ref().or(carried.as_ref()) {
@@ -411,7 +411,7 @@ impl Checker<'_> {
         Ok(value)
     }
 
-    /// Waypoints must leave room for turns and for climbs.
+    /// Legs must be long enough for turns and climbs.
     fn route(&self, plan: &Plan, offsets: &[usize]) -> Result<(), InputError> {
         let (sin, cos) = libm::sincos(plan.start.heading_rad);
         let mut from = Some(plan.start.position);
@@ -513,7 +513,7 @@ pub(crate) fn at(place: LatLon, height_m: f64) -> Geodetic {
     }
 }
 
-/// Length of a leg that a turn at its end takes: a fly-by turn and the roll into it.
+/// Length of a leg used by a fly-by turn at its end, with the roll into it.
 fn turn_m(plan: &Plan, airspeed_mps: f64, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     let fastest_mps = airspeed_mps + plan.wind_enu_mps.norm();
     lead_m(fastest_mps, plan.bank_rad, from, to)
@@ -523,7 +523,7 @@ fn turn_m(plan: &Plan, airspeed_mps: f64, from: Vector2<f64>, to: Vector2<f64>) 
 pub fn lead_m(ground_speed_mps: f64, bank_rad: f64, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     const ROLL_IN_S: f64 = 3.0;
     let angle_rad = libm::atan2(from.perp(&to).abs(), from.dot(&to));
-    // Sharper than 127 deg the aircraft overshoots the next leg and comes back to it.
+    // In turns beyond 127 deg the aircraft overshoots the next leg and returns to it.
     let radius_m = ground_speed_mps * ground_speed_mps / (GRAVITY_MPS2 * libm::tan(bank_rad));
     let half = 0.5 * angle_rad;
     radius_m * libm::tan(half.min(1.107)) + 0.5 * ROLL_IN_S * ground_speed_mps * half.min(1.0)

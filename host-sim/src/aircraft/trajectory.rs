@@ -1,9 +1,9 @@
 //! The flight as a function of time, between the nodes of the integrator.
 //!
-//! Velocity is the cubic through velocities and accelerations of two nodes; attitude turns from
-//! the first by a rotation vector that is the cubic through the rotation and the rates of both.
-//! What sensors feel are the exact derivatives of these, so the trajectory is consistent in itself
-//! whatever the integrator's step; the step only decides how well it obeys the forces.
+//! Velocity is the Hermite cubic of velocities and accelerations of two nodes; attitude is that of the first
+//! rotated by a rotation vector, the Hermite cubic of the rotation and the rates of both. Sensors measure
+//! the exact derivatives of these, so the trajectory is consistent for any step of the integrator; the step
+//! only determines how accurately it follows the forces.
 
 use ins_core::attitude;
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};

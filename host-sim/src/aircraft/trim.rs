@@ -1,5 +1,4 @@
-//! Steady flight: the state and the controls at which nothing accelerates; and the natural motions
-//! around it.
+//! Trim: state and controls of steady flight; and the natural modes about it.
 
 use ins_core::attitude::{self, Euler};
 use nalgebra::{Complex, SMatrix, SVector, Unit, Vector3};
@@ -9,7 +8,7 @@ use super::aerodynamics::Surfaces;
 use super::atmosphere::{Density, GRAVITY_MPS2};
 use super::dynamics::{Controls, Dynamics, Inputs, State, Wind};
 
-/// What kind of steady flight is wanted.
+/// Specification of a steady flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Condition {
     pub airspeed_mps: f64,
@@ -20,7 +19,7 @@ pub struct Condition {
     pub power: Power,
 }
 
-/// What fixes the climb.
+/// Specification of the climb.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Power {
     /// The throttle that gives this rate of climb.
@@ -54,7 +53,7 @@ impl Condition {
         }
     }
 
-    /// The flight that a set of unknowns describes, without sideslip, heading north.
+    /// The flight for a set of unknowns, without sideslip, heading north.
     fn flight(&self, x: &Unknowns) -> Trim {
         let turning = self.bank_rad != 0.0;
         let (roll_rad, turn_rate_radps) = if turning {
@@ -102,11 +101,11 @@ impl Condition {
         }
     }
 
-    /// What is left unbalanced, in like units.
-    fn unbalanced(&self, dynamics: &Dynamics, density: &Density, x: &Unknowns) -> Unknowns {
+    /// Residual of the trim equations, in comparable units.
+    fn residual(&self, dynamics: &Dynamics, density: &Density, x: &Unknowns) -> Unknowns {
         let flight = self.flight(x);
         let d = dynamics.derivative(&flight.state, &flight.inputs, density);
-        // In a steady turn the velocity turns with the aircraft.
+        // In a steady turn the velocity rotates with the aircraft.
         let turn = Vector3::new(0.0, 0.0, -flight.turn_rate_radps);
         let acceleration = d.acceleration_enu_mps2 - turn.cross(&flight.state.velocity_enu_mps);
         Unknowns::from([
@@ -129,10 +128,10 @@ impl Condition {
         let turn_rate = GRAVITY_MPS2 * libm::tan(self.bank_rad) / self.airspeed_mps;
         let mut x = self.first_guess(dynamics, turn_rate);
         for _ in 0..60 {
-            let left = self.unbalanced(dynamics, &density, &x);
-            if left.norm() < 1e-10 {
+            let residual = self.residual(dynamics, &density, &x);
+            if residual.norm() < 1e-10 {
                 let flight = self.flight(&x);
-                // Newton may also land on a flight that is past the stall or upside down.
+                // Newton may also converge to a flight beyond the stall or inverted.
                 return (flight.alpha_rad.abs() < 0.5 && flight.euler.pitch_rad.abs() < 1.0)
                     .then_some(flight);
             }
@@ -140,11 +139,11 @@ impl Condition {
             for i in 0..8 {
                 let mut moved = x;
                 moved[i] += STEP;
-                let column = (self.unbalanced(dynamics, &density, &moved) - left) / STEP;
+                let column = (self.residual(dynamics, &density, &moved) - residual) / STEP;
                 jacobian.set_column(i, &column);
             }
-            let step = jacobian.lu().solve(&left)?;
-            // Damped: the stalled part of the lift curve would throw a full step far away.
+            let step = jacobian.lu().solve(&residual)?;
+            // Damped: on the stalled part of the lift curve a full step may diverge.
             let scale = (0.1 / step.rows(0, 5).amax()).min(1.0);
             x -= scale * step;
             if !x.iter().all(|v| v.is_finite()) {
@@ -162,7 +161,7 @@ impl Condition {
         let lift = p.mass.mass_kg * GRAVITY_MPS2 * load / (pressure * p.geometry.wing_area_m2);
         let alpha =
             ((lift - p.lift.zero - self.flaps * p.flaps.lift) / p.lift.alpha).clamp(-0.1, 0.25);
-        let elevator = dynamics.aerodynamics.balancing_elevator(alpha, self.flaps);
+        let elevator = dynamics.aerodynamics.trim_elevator(alpha, self.flaps);
         let (climb, power) = match self.power {
             Power::ClimbRate(climb) => (climb, 0.6),
             Power::Throttle(_) => (0.0, 0.0),

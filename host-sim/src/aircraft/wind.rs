@@ -68,23 +68,23 @@ impl Spectrum {
     }
 }
 
-/// Lateral or vertical gust `(1 + sqrt(3) T s) / (1 + T s)^2` of white noise, as two lags in a row
-/// sampled exactly: whatever the step, variance and correlation are those of the continuous filter.
+/// Lateral or vertical gust, white noise through `(1 + sqrt(3) T s) / (1 + T s)^2`, as two lags in series,
+/// discretized exactly: for any step, variance and correlation are those of the continuous filter.
 #[derive(Clone, Copy, Debug, Default)]
 struct Transverse {
-    lag: [f64; 2],
+    lags: [f64; 2],
     decay: f64,
-    shear: f64,
+    coupling: f64,
     /// Lower Cholesky factor of the noise of one step.
     noise: [f64; 3],
 }
 
 impl Transverse {
-    fn tune(&mut self, steps_per_time_constant: f64) {
+    fn discretize(&mut self, steps_per_time_constant: f64) {
         let a = 1.0 / steps_per_time_constant;
         let decay = libm::exp(-a);
         let square = decay * decay;
-        // Stationary covariance [[1, 1/2], [1/2, 1/2]] less what one step keeps of it.
+        // Process noise: stationary covariance [[1, 1/2], [1/2, 1/2]] minus its propagation by one step.
         let q11 = 1.0 - square;
         let q12 = 0.5 - square * (a + 0.5);
         let q22 = 0.5 - square * (a * a + a + 0.5);
@@ -92,7 +92,7 @@ impl Transverse {
         let l21 = q12 / l11;
         *self = Self {
             decay,
-            shear: decay * a,
+            coupling: decay * a,
             noise: [l11, l21, (q22 - l21 * l21).max(0.0).sqrt()],
             ..*self
         };
@@ -100,17 +100,17 @@ impl Transverse {
 
     fn step(&mut self, random: &mut Random) -> f64 {
         let (n1, n2) = (random.normal(), random.normal());
-        let [first, second] = self.lag;
-        self.lag = [
+        let [first, second] = self.lags;
+        self.lags = [
             self.decay * first + self.noise[0] * n1,
-            self.shear * first + self.decay * second + self.noise[1] * n1 + self.noise[2] * n2,
+            self.coupling * first + self.decay * second + self.noise[1] * n1 + self.noise[2] * n2,
         ];
         let sqrt3 = 3.0_f64.sqrt();
-        (sqrt3 * self.lag[0] + (1.0 - sqrt3) * self.lag[1]) * std::f64::consts::FRAC_1_SQRT_2
+        (sqrt3 * self.lags[0] + (1.0 - sqrt3) * self.lags[1]) * std::f64::consts::FRAC_1_SQRT_2
     }
 }
 
-/// A first-order lag sampled exactly, unit variance.
+/// A first-order lag, discretized exactly, unit variance.
 #[derive(Clone, Copy, Debug, Default)]
 struct Lag {
     value: f64,
@@ -118,7 +118,7 @@ struct Lag {
 }
 
 impl Lag {
-    fn tune(&mut self, steps_per_time_constant: f64) {
+    fn discretize(&mut self, steps_per_time_constant: f64) {
         self.decay = libm::exp(-1.0 / steps_per_time_constant);
     }
 
@@ -127,8 +127,8 @@ impl Lag {
         self.value
     }
 
-    /// Factor that gives white noise of unit variance the output variance one.
-    fn white(&self) -> f64 {
+    /// Gain of unit white noise for unit output variance.
+    fn input_gain(&self) -> f64 {
         (1.0 - self.decay * self.decay).sqrt()
     }
 }
@@ -140,25 +140,25 @@ pub struct AirMass {
     turbulence: Turbulence,
     span_m: f64,
     random: Random,
-    steps_to_tune: u32,
+    steps_to_update: u32,
     spectrum: Spectrum,
     along: Lag,
     across: Transverse,
     upward: Transverse,
     roll: Lag,
     roll_sigma_radps: f64,
-    /// Mean of the vertical and lateral gust over the aircraft, whose change is a rotation.
+    /// Low-pass vertical and lateral gusts; their differences from the gusts are the rotational gusts.
     pitch: Lag,
     yaw: Lag,
     pitch_lag_m: f64,
     yaw_lag_m: f64,
 }
 
-/// How often scale lengths follow height and airspeed, steps.
-const TUNE_EVERY: u32 = 50;
+/// Steps between updates of the scale lengths by height and airspeed.
+const UPDATE_EVERY: u32 = 50;
 
 impl AirMass {
-    /// Seeded air for an aircraft of a wing span, in steps of the integrator.
+    /// Air for an aircraft of a wing span, in steps of the integrator.
     pub fn new(
         steady_enu_mps: Vector3<f64>,
         turbulence: Turbulence,
@@ -170,7 +170,7 @@ impl AirMass {
             turbulence,
             span_m,
             random: Random::stream(seed, "turbulence"),
-            steps_to_tune: 0,
+            steps_to_update: 0,
             spectrum: Spectrum::at(turbulence, 0.0),
             along: Lag::default(),
             across: Transverse::default(),
@@ -187,22 +187,22 @@ impl AirMass {
         air.roll.value = air.random.normal();
         for gust in [&mut air.across, &mut air.upward] {
             let (n1, n2) = (air.random.normal(), air.random.normal());
-            gust.lag = [n1, 0.5 * (n1 + n2)];
+            gust.lags = [n1, 0.5 * (n1 + n2)];
         }
         air
     }
 
-    fn tune(&mut self, airspeed_mps: f64, height_m: f64) {
+    fn discretize(&mut self, airspeed_mps: f64, height_m: f64) {
         use std::f64::consts::PI;
         self.spectrum = Spectrum::at(self.turbulence, height_m);
         let travelled_m = airspeed_mps * STEP_S;
         let [along_m, across_m, upward_m] = self.spectrum.length_m;
-        self.along.tune(along_m / travelled_m);
-        self.across.tune(across_m / travelled_m);
-        self.upward.tune(upward_m / travelled_m);
-        self.roll.tune(self.pitch_lag_m / travelled_m);
-        self.pitch.tune(self.pitch_lag_m / travelled_m);
-        self.yaw.tune(self.yaw_lag_m / travelled_m);
+        self.along.discretize(along_m / travelled_m);
+        self.across.discretize(across_m / travelled_m);
+        self.upward.discretize(upward_m / travelled_m);
+        self.roll.discretize(self.pitch_lag_m / travelled_m);
+        self.pitch.discretize(self.pitch_lag_m / travelled_m);
+        self.yaw.discretize(self.yaw_lag_m / travelled_m);
         // Area under MIL-F-8785C's roll-gust spectrum.
         let span = self.span_m;
         self.roll_sigma_radps = self.spectrum.sigma_mps[2]
@@ -218,19 +218,19 @@ impl AirMass {
                 ..Wind::default()
             };
         }
-        if self.steps_to_tune == 0 {
-            self.tune(airspeed_mps.max(1.0), height_m);
-            self.steps_to_tune = TUNE_EVERY;
+        if self.steps_to_update == 0 {
+            self.discretize(airspeed_mps.max(1.0), height_m);
+            self.steps_to_update = UPDATE_EVERY;
         }
-        self.steps_to_tune -= 1;
+        self.steps_to_update -= 1;
         let [along_mps, across_mps, upward_mps] = self.spectrum.sigma_mps;
-        let noise = self.along.white() * self.random.normal();
+        let noise = self.along.input_gain() * self.random.normal();
         let along = along_mps * self.along.step(noise);
         let across = across_mps * self.across.step(&mut self.random);
         let upward = upward_mps * self.upward.step(&mut self.random);
-        let noise = self.roll.white() * self.random.normal();
+        let noise = self.roll.input_gain() * self.random.normal();
         let roll = self.roll_sigma_radps * self.roll.step(noise);
-        // Air that rises ahead of the aircraft turns it nose up against the air; likewise right.
+        // An upward gust ahead of the aircraft is a nose-up pitch gust; likewise to the right for yaw.
         let upward_mean = self.pitch.step((1.0 - self.pitch.decay) * upward);
         let across_mean = self.yaw.step((1.0 - self.yaw.decay) * across);
         let pitch = (upward - upward_mean) / self.pitch_lag_m;
@@ -255,7 +255,7 @@ mod tests {
         (0..count).map(|_| air.step(AIRSPEED_MPS, 1000.0)).collect()
     }
 
-    /// Averaged periodogram at whole multiples of the bin width, one-sided, per rad/s.
+    /// Averaged periodogram at multiples of the bin width, one-sided, per rad/s.
     fn periodogram(x: &[f64], segment: usize, bins: &[usize]) -> Vec<f64> {
         let count = x.len() / segment;
         bins.iter()
@@ -266,7 +266,7 @@ mod tests {
                     .map(|chunk| {
                         let (mut re, mut im) = (0.0, 0.0);
                         for (i, value) in chunk.iter().enumerate() {
-                            // Hann window: the spectrum is steep, leakage would fill its tail.
+                            // Hann window: leakage of the steep spectrum would fill its tail.
                             let phase = std::f64::consts::TAU * i as f64 / segment as f64;
                             let weight = 1.0 - libm::cos(phase);
                             let (s, c) = libm::sincos(omega * i as f64);

@@ -75,7 +75,7 @@ impl World {
     ) -> Result<Flown, FlightError> {
         let flight = Flight::new(&self.dynamics, &self.plan, seed)?;
         // Flown once without sensors: what cannot be flown must not end as a figure.
-        flight.can_last(self.duration_s)?;
+        flight.check_duration(self.duration_s)?;
         let mut errors = model.clone();
         errors.gnss.outages.push(Outage {
             start_s: self.aided_s(),
