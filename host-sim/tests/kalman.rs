@@ -1,7 +1,7 @@
 //! The Kalman filter that the core is compared with: it must be a good one.
 
 use host_sim::compare::kalman::filter::Start;
-use host_sim::compare::kalman::{Filter, Known, Noise, Record, Run, States, index, smooth};
+use host_sim::compare::kalman::{Filter, Noise, Nominal, Record, Run, States, index, smooth};
 use host_sim::log::Grade;
 use host_sim::sim::noise::Random;
 use host_sim::sim::{DriveConfig, ErrorModel, SimulatedDrive, simulate};
@@ -38,12 +38,12 @@ fn exact() -> Noise {
 }
 
 /// What is still wrong with a filter, in its own states.
-fn errors(known: &Known, truth: &Solution, drive: &SimulatedDrive) -> States {
+fn errors(nominal: &Nominal, truth: &Solution, drive: &SimulatedDrive) -> States {
     let mut errors = States::zeros(index::COUNT);
     let mut set = |at: usize, value: Vector3<f64>| {
         errors.fixed_rows_mut::<3>(at).copy_from(&value);
     };
-    let ins = &known.ins;
+    let ins = &nominal.ins;
     set(index::POSITION, ins.position.enu_from(&truth.position));
     set(
         index::VELOCITY,
@@ -60,13 +60,13 @@ fn errors(known: &Known, truth: &Solution, drive: &SimulatedDrive) -> States {
     set(index::ATTITUDE, phi);
     set(
         index::ACCEL,
-        Vector3::from(drive.errors.accel_bias_mps2) - known.accel_bias_mps2,
+        Vector3::from(drive.errors.accel_bias_mps2) - nominal.accel_bias_mps2,
     );
     set(
         index::GYRO,
-        Vector3::from(drive.errors.gyro_bias_radps) - known.gyro_bias_radps,
+        Vector3::from(drive.errors.gyro_bias_radps) - nominal.gyro_bias_radps,
     );
-    errors[index::LATENCY] = drive.errors.gnss_latency_s - known.latency_s;
+    errors[index::LATENCY] = drive.errors.gnss_latency_s - nominal.latency_s;
     errors
 }
 
@@ -118,7 +118,7 @@ fn sums_of_squares(
 }
 
 fn always_there(filter: &Filter, truth: &Solution, drive: &SimulatedDrive) -> States {
-    errors(&filter.known, truth, drive)
+    errors(&filter.nominal, truth, drive)
 }
 
 const DRIVES: u64 = 12;
@@ -261,12 +261,12 @@ fn its_covariance_is_honest_with_more_to_find() {
     noise.gnss.lever_arm_sigma_m = ARM_SIGMA_M;
     noise.gnss.clock_drift_sigma = 1e-5;
     let sums = sums_of_squares(&model, noise, to_antenna, |filter, truth, drive| {
-        let known = &filter.known;
-        let arm = Vector3::from(ARM_M) - known.lever_arm_m;
-        let accel = drive.errors.accel_matrix.diagonal() - known.accel_scale;
-        let gyro = drive.errors.gyro_matrix.diagonal() - known.gyro_scale;
-        let mut all: Vec<f64> = errors(known, truth, drive).iter().copied().collect();
-        all.push(-known.clock_drift);
+        let nominal = &filter.nominal;
+        let arm = Vector3::from(ARM_M) - nominal.lever_arm_m;
+        let accel = drive.errors.accel_matrix.diagonal() - nominal.accel_scale;
+        let gyro = drive.errors.gyro_matrix.diagonal() - nominal.gyro_scale;
+        let mut all: Vec<f64> = errors(nominal, truth, drive).iter().copied().collect();
+        all.push(-nominal.clock_drift);
         for three in [arm, accel, gyro] {
             all.extend(&three);
         }
@@ -290,19 +290,19 @@ fn trajectories(seed: u64) -> [[f64; 3]; 2] {
     let mut records = Vec::new();
     let mut filtered = Vec::new();
     let record = &mut |filter: &Filter, correction| {
-        filtered.push((filter.time, filter.known));
+        filtered.push((filter.time, filter.nominal));
         records.push(Record::new(filter, correction));
     };
     while run.step(record).is_some() {}
     let smoothed = smooth(&records, &exact());
     assert_eq!(smoothed.len(), records.len());
-    let rms = |points: &mut dyn Iterator<Item = (Time, Known)>| {
+    let rms = |points: &mut dyn Iterator<Item = (Time, Nominal)>| {
         let (mut sums, mut count) = ([0.0; 3], 0.0);
-        for (time, known) in points {
+        for (time, nominal) in points {
             let Some(truth) = truth_at(&drive, time) else {
                 continue;
             };
-            let e = errors(&known, truth, &drive);
+            let e = errors(&nominal, truth, &drive);
             sums[0] += e.fixed_rows::<3>(index::VELOCITY).norm_squared();
             sums[1] += e.fixed_rows::<2>(index::ATTITUDE).norm_squared();
             sums[2] += e[index::ATTITUDE + 2].powi(2);
@@ -313,7 +313,7 @@ fn trajectories(seed: u64) -> [[f64; 3]; 2] {
     };
     [
         rms(&mut filtered.into_iter()),
-        rms(&mut smoothed.iter().map(|s| (s.time, s.known))),
+        rms(&mut smoothed.iter().map(|s| (s.time, s.nominal))),
     ]
 }
 
@@ -394,7 +394,7 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
     let sigma = SIGMA / spread.sqrt();
     let up = index::ACCEL + 2;
     // The prior of 1 m/s on the first velocity weighs 1e-4 against a hundred fixes of 0.1 m/s.
-    let found = filter.known.accel_bias_mps2.z;
+    let found = filter.nominal.accel_bias_mps2.z;
     assert!(
         (found - slope).abs() < 0.02 * sigma,
         "{found} {slope} +- {sigma}"
@@ -411,7 +411,7 @@ fn a_guess_moves_the_stated_spread() {
         run.finish();
         run.filter().unwrap().sigmas()[index::ATTITUDE]
     };
-    let sigmas = [1.0 / 3.0, 1.0, 3.0].map(|factor| gyro_sigma(exact().guessed(factor)));
+    let sigmas = [1.0 / 3.0, 1.0, 3.0].map(|factor| gyro_sigma(exact().scaled(factor)));
     assert!(
         sigmas[0] < 0.8 * sigmas[1] && sigmas[1] < 0.8 * sigmas[2],
         "{sigmas:?}"

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use host_sim::compare::Comparison;
 use host_sim::compare::kalman::Noise;
-use host_sim::compare::outage::{Against, OutageTest, test};
+use host_sim::compare::outage::{OutageTest, Reference, test};
 use host_sim::identify::analysis::Input;
 use host_sim::identify::true_errors::Truth;
 use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
@@ -49,7 +49,7 @@ fn the_core_drifts_no_further_than_its_estimates_say() {
     for (grade, position_m, velocity_mps) in [(Grade::Hg1700, 4.0, 0.25), (Grade::Mems, 12.0, 0.85)]
     {
         let test = outages(grade);
-        assert_eq!(test.against, Against::Truth);
+        assert_eq!(test.against, Reference::Truth);
         let [core, kalman] = &test.navigators[..2] else {
             panic!("two navigators at least");
         };

@@ -104,7 +104,7 @@ fn log() -> (Log, Noise) {
     let mut noise = Noise::of_model(errors);
     noise.gnss.latency_sigma_s = 0.0;
     // Theirs does not read its gyros at rest.
-    noise.reads_rest = false;
+    noise.uses_zero_rate = false;
     (log, noise)
 }
 
@@ -167,7 +167,7 @@ fn told(filter: &Filter, noise: &Noise, times_s: &[f64]) -> Value {
 
 impl State {
     fn of(filter: &Filter) -> Self {
-        let known = &filter.known;
+        let known = &filter.nominal;
         let solution = known.solution(filter.time);
         let (position, angles) = (solution.position, solution.euler());
         Self {

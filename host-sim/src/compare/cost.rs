@@ -1,5 +1,5 @@
-//! Time of whole passes over the log, all in one run, in turn, so that ratios mean something on
-//! any machine.
+//! Time of whole passes over the log, all methods in turn in one run, so that ratios are comparable on any
+//! machine.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -12,10 +12,10 @@ use crate::compare::kalman::{Noise, Record, Run, smooth};
 use crate::identify::run::in_order_of_time;
 use crate::log::Log;
 
-/// Passes of each; the fastest counts.
+/// Passes of each method; the fastest counts.
 const PASSES: usize = 5;
-/// Of a log so long that they take this, they are as many as have begun by then.
-const ENOUGH: Duration = Duration::from_secs(5);
+/// No pass starts after this time, on long logs.
+const TIME_LIMIT: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cost {
@@ -59,8 +59,8 @@ pub fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, Con
         }),
     ];
     let mut fastest = [Duration::MAX; 5];
-    let begun = Instant::now();
-    for _ in (0..PASSES).take_while(|_| begun.elapsed() < ENOUGH) {
+    let started = Instant::now();
+    for _ in (0..PASSES).take_while(|_| started.elapsed() < TIME_LIMIT) {
         for ((_, pass), fastest) in passes.iter().zip(&mut fastest) {
             let start = Instant::now();
             pass()?;

@@ -1,15 +1,13 @@
 //! The thesis's post-processing of a drive in five stages: azimuth, level accelerometers, level
 //! gyros, vertical channel, latency.
 //!
-//! Each stage aligns anew and runs the log with all that earlier stages have found taken out:
-//! azimuth out of the heading given, biases out of readings, latency out of the stamps of fixes.
-//! The estimators are the core's literal ones, (7) to (11); of its run a stage takes its own
-//! estimate only.
+//! Each stage aligns anew and runs the log corrected by all that earlier stages have found: azimuth in the
+//! given heading, biases in the readings, latency in the stamps of fixes. The estimators are the core's
+//! literal ones, (7) to (11); a stage uses only its own estimate of its run.
 //!
-//! The latency comes last, as published, and until then disturbs the level gyros: what a late fix
-//! does to the platform at a start is undone at the next stop, but in other body axes if the
-//! vehicle has turned meanwhile. With 0.1 s that is 10 deg/h. So the stages can be repeated, each
-//! then finding what is left.
+//! The latency comes last, as published, and until then disturbs the level gyros: the tilt by a late fix
+//! when the vehicle starts is cancelled at the next stop, but in other body axes if the vehicle has turned
+//! meanwhile. With 0.1 s that is 10 deg/h. So the stages can be repeated, each then finding the residual.
 
 use indicatif::ProgressBar;
 use ins_core::attitude::matrix;
@@ -24,20 +22,20 @@ use crate::identify::row::Row;
 use crate::identify::run::record;
 use crate::log::Log;
 
-/// Once through, as published.
+/// One round, as published.
 pub const PUBLISHED: usize = 1;
-/// Until the next time would change no more than the spreads, for latencies of up to 0.3 s.
+/// Rounds until the next would change nothing by more than a sigma, for latencies of up to 0.3 s.
 pub const REPEATED: usize = 3;
 
-/// Bandwidth of the last run, rad/s: little is left to be damped, so it may pass less of the noise
-/// of GNSS than a loop that has to settle between manoeuvres.
-const SLOW_RADPS: f64 = 0.2;
-/// Shortest interval, s. In longer ones vehicles turn, and a bias in body axes then follows the
-/// platform at its ends only: at 30 s a free INS keeps ten times the velocity error.
+/// Bandwidth of the last run, rad/s: with small residual errors it may pass less GNSS noise than a loop
+/// that has to settle between manoeuvres.
+const LAST_BANDWIDTH_RADPS: f64 = 0.2;
+/// Shortest interval, s. In longer ones vehicles turn, and a bias constant in body axes matches the
+/// platform's drift only at the ends: with 30 s a free INS has ten times the velocity error.
 const INTERVAL_S: f64 = 10.0;
-/// An interval lasts until this much of the attitude's mean is left: after a whole circle a bias
-/// has done nothing that could be seen.
-const LEAST_MEAN: f64 = 0.5;
+/// Least root of the determinant of the mean attitude at the end of an interval: over a whole circle the
+/// effect of a bias cancels.
+const LEAST_MEAN_ATTITUDE: f64 = 0.5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -72,8 +70,8 @@ impl Stage {
         }
     }
 
-    /// Whether the quantity shows itself while the vehicle does this.
-    fn shows_in(self, manoeuvre: Manoeuvre) -> bool {
+    /// Whether the quantity is observable in a manoeuvre.
+    fn is_observable_in(self, manoeuvre: Manoeuvre) -> bool {
         match self {
             Self::Azimuth | Self::Latency => {
                 matches!(manoeuvre, Manoeuvre::Accelerating | Manoeuvre::Braking)
@@ -88,7 +86,7 @@ impl Stage {
         let mut intervals: Vec<(Time, Time)> = Vec::new();
         for pair in history.windows(2) {
             let (row, until) = (&pair[0], pair[1].time);
-            if row.phase != Phase::Navigating || !self.shows_in(row.manoeuvre) {
+            if row.phase != Phase::Navigating || !self.is_observable_in(row.manoeuvre) {
                 continue;
             }
             match intervals.last_mut() {
@@ -99,8 +97,8 @@ impl Stage {
         intervals
     }
 
-    /// Nothing found may act on the run that finds it; except that the azimuth has to be damped
-    /// for its loop to show the vertical gyro, and for the heading not to run away from (7).
+    /// Open: no estimate may act on the run that finds it; except that the azimuth has to be damped for its
+    /// loop to show the vertical gyro, and for the heading to stay within the linear range of (7).
     fn feedback(self) -> Feedback {
         match self {
             Self::Azimuth | Self::Vertical => Feedback::Closed,
@@ -115,9 +113,9 @@ pub struct FiveStage {
     pub estimates: Estimates,
     /// When each was observable, in the order of [`Stage::ALL`].
     pub intervals: [Vec<(Time, Time)>; 5],
-    /// The level gyros over time, as the run with everything taken out shows them.
+    /// The level gyros over time, from the run with all corrections.
     pub gyros: GyroHistory,
-    /// That run: an INS damped slowly, its azimuth too.
+    /// That run: an INS damped with low bandwidth, its azimuth too.
     pub history: Vec<Row>,
     pub end: Row,
 }
@@ -136,7 +134,7 @@ pub fn run(log: &Log, config: Config, rounds: usize) -> Result<FiveStage, Config
     let mut intervals: [Vec<(Time, Time)>; 5] = Default::default();
     for _ in 0..rounds {
         if !matches!(config.heading, HeadingSource::Given(_)) {
-            // Found by every run anew.
+            // Every run finds its own heading.
             correction.azimuth_rad = 0.0;
         }
         for (stage, intervals) in Stage::ALL.into_iter().zip(&mut intervals) {
@@ -145,21 +143,21 @@ pub fn run(log: &Log, config: Config, rounds: usize) -> Result<FiveStage, Config
             let (log, hidden) = (correction.log(log), ProgressBar::hidden());
             let (run, end) = record(&log, config, &hidden, |_, _| {})?;
             *intervals = stage.intervals(&run.history);
-            take(stage, &run.history, &end, &mut correction, &mut estimates);
+            add_found(stage, &run.history, &end, &mut correction, &mut estimates);
         }
     }
     let mut gyros = GyroHistory {
         constant_radps: correction.gyro_radps,
         ..GyroHistory::default()
     };
-    let mut slow = Config {
+    let mut last_config = Config {
         feedback: Feedback::Closed,
         ..correction.config(config)
     };
-    slow.damping.horizontal.bandwidth_radps = SLOW_RADPS;
+    last_config.damping.horizontal.bandwidth_radps = LAST_BANDWIDTH_RADPS;
     let (run, end) = record(
         &correction.log(log),
-        slow,
+        last_config,
         &ProgressBar::hidden(),
         |navigator, time| gyros.on_sample(navigator, time),
     )?;
@@ -172,8 +170,8 @@ pub fn run(log: &Log, config: Config, rounds: usize) -> Result<FiveStage, Config
     })
 }
 
-/// Adds what a stage's run has found to what is known.
-fn take(
+/// Adds a stage's estimates to the corrections.
+fn add_found(
     stage: Stage,
     history: &[Row],
     end: &Row,
@@ -182,20 +180,20 @@ fn take(
 ) {
     let found = &end.estimates;
     let accel = |axis: usize| {
-        let taken_out = &mut correction.accel_mps2[axis];
-        estimates.accel_bias_mps2[axis] = add(&found.accel_bias_mps2[axis], taken_out);
+        let corrected = &mut correction.accel_mps2[axis];
+        estimates.accel_bias_mps2[axis] = add(&found.accel_bias_mps2[axis], corrected);
     };
     let gyro = |axis: usize| {
-        let taken_out = &mut correction.gyro_radps[axis];
-        estimates.gyro_bias_radps[axis] = add(&found.gyro_bias_radps[axis], taken_out);
+        let corrected = &mut correction.gyro_radps[axis];
+        estimates.gyro_bias_radps[axis] = add(&found.gyro_bias_radps[axis], corrected);
     };
     match stage {
         Stage::Azimuth => {
-            let left = Estimate {
+            let residual = Estimate {
                 value: start_azimuth(history).unwrap_or_default(),
                 ..found.azimuth_error_rad
             };
-            estimates.azimuth_error_rad = add(&left, &mut correction.azimuth_rad);
+            estimates.azimuth_error_rad = add(&residual, &mut correction.azimuth_rad);
         }
         Stage::LevelAccels => (0..2).for_each(accel),
         Stage::LevelGyros => (0..2).for_each(gyro),
@@ -210,21 +208,20 @@ fn take(
     }
 }
 
-/// The whole error, of which a part was taken out before; and takes out the rest, which is zero
-/// where nothing was seen.
-fn add(left: &Estimate, taken_out: &mut f64) -> Estimate {
-    *taken_out += left.value;
+/// Adds a residual, zero where nothing was observed, to the correction; the total as an estimate.
+fn add(residual: &Estimate, corrected: &mut f64) -> Estimate {
+    *corrected += residual.value;
     Estimate {
-        value: *taken_out,
-        ..*left
+        value: *corrected,
+        ..*residual
     }
 }
 
 /// The azimuth error of the heading at the start, rad.
 ///
-/// The loop that takes it out is the one that (10) reads the vertical gyro from: what the core
-/// makes of a run is wrong by as much. Together the two say what an INS that had kept its heading
-/// would be off by; that walks along a line, with the gyro, from the error at the start.
+/// The loop that damps it is the one whose signal is the vertical gyro in (10), so the core's azimuth
+/// contains the damping. Azimuth error minus gyro bias times time is that of an undamped INS, linear in
+/// time: a straight line is fitted, and its value at the start taken.
 fn start_azimuth(history: &[Row]) -> Option<f64> {
     let navigating = || history.iter().filter(|row| row.phase == Phase::Navigating);
     let start = navigating().next()?.time;
@@ -246,7 +243,7 @@ fn start_azimuth(history: &[Row]) -> Option<f64> {
     squares.try_inverse().map(|inverse| (inverse * products).x)
 }
 
-/// Errors to take out, SI units, body axes right-forward-up.
+/// Errors to correct, SI units, body axes right-forward-up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Correction {
     azimuth_rad: f64,
@@ -256,7 +253,7 @@ struct Correction {
 }
 
 impl Correction {
-    /// A log as better sensors and a receiver without latency would have written it.
+    /// The log, corrected.
     fn log(&self, log: &Log) -> Log {
         let fix = |fix: &GnssFix| GnssFix {
             time: fix.time.plus_seconds(-self.latency_s),
@@ -271,7 +268,7 @@ impl Correction {
         }
     }
 
-    /// The heading to start with. One that is found from motion is found anew in every run.
+    /// The corrected given heading. One from motion is found anew in every run.
     fn config(&self, mut config: Config) -> Config {
         if let HeadingSource::Given(heading) = &mut config.heading {
             *heading -= self.azimuth_rad;
@@ -280,7 +277,7 @@ impl Correction {
     }
 
     fn samples(&self, log: &Log) -> Vec<ImuSample> {
-        // The interval of the first sample is not known: that of the second will do.
+        // The interval of the first sample is unknown: that of the second is used.
         let second = log.imu.get(1);
         let mut last = second.zip(log.imu.first()).map(|(second, first)| {
             let interval_s = second.time.seconds_since(first.time);
@@ -289,27 +286,27 @@ impl Correction {
         let corrected = log.imu.iter().map(|sample| {
             let interval_s = last.map_or(0.0, |last| sample.time.seconds_since(last));
             last = Some(sample.time);
-            let held = log.meta.imu.per_rate(interval_s);
+            let per_sample = log.meta.imu.per_rate(interval_s);
             ImuSample {
                 time: sample.time,
-                gyro: sample.gyro - held * self.gyro_radps,
-                accel: sample.accel - held * self.accel_mps2,
+                gyro: sample.gyro - per_sample * self.gyro_radps,
+                accel: sample.accel - per_sample * self.accel_mps2,
             }
         });
         corrected.collect()
     }
 }
 
-/// Piecewise constant biases in body axes that turn a platform as `w^C` did, over every interval:
-/// `INT C dw = INT w^C`. Means of (9) itself would not, where the vehicle has turned meanwhile. The
-/// walk of the angle is part of them, as far as GNSS shows it.
+/// Piecewise constant biases in body axes with the same integral as the control `w^C`, over every interval:
+/// `INT C dw = INT w^C`. Means of (9) itself do not have it where the vehicle has turned meanwhile. Angle
+/// random walk is included, as far as GNSS shows it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GyroHistory {
-    /// Taken out of the readings before.
+    /// Already corrected in the readings.
     constant_radps: Vector3<f64>,
-    /// End of each interval, and what is left of right and forward gyro, rad/s.
+    /// End of each interval, and residual biases of right and forward gyro, rad/s.
     biases: Vec<(Time, Vector2<f64>)>,
-    /// The interval going on.
+    /// The current interval.
     seconds: f64,
     attitude_s: Matrix2<f64>,
     turned_rad: Vector2<f64>,
@@ -333,7 +330,9 @@ impl GyroHistory {
         let control = navigator.damping_signals().rate_enu_radps.xy();
         self.last = Some((time, attitude, control));
         let mean = self.attitude_s / self.seconds.max(1e-9);
-        if self.seconds >= INTERVAL_S && mean.determinant() > LEAST_MEAN * LEAST_MEAN {
+        if self.seconds >= INTERVAL_S
+            && mean.determinant() > LEAST_MEAN_ATTITUDE * LEAST_MEAN_ATTITUDE
+        {
             if let Some(inverse) = self.attitude_s.try_inverse() {
                 self.biases.push((time, inverse * self.turned_rad));
             }

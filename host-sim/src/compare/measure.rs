@@ -1,4 +1,4 @@
-//! What a method's track is worth.
+//! Accuracy and settling time of a method.
 
 use ins_core::Solution;
 use ins_core::earth::wrap_pi;
@@ -10,8 +10,7 @@ use crate::identify::quantities::{Quantities, Quantity, latency_of_log};
 use crate::log::{Grade, Log, Meta};
 use crate::statistics::root_mean;
 
-/// What is compared, for programs and for people, with its unit: the heading, and all estimates but
-/// that of the azimuth.
+/// Compared quantities: key, title and unit; the heading, and all estimates except the azimuth error.
 pub const COMPARED: [(&str, &str, &str); 8] = [
     ("heading_deg", "Heading", "deg"),
     ("accel_bias_x_mg", "Accelerometer x", "mg"),
@@ -22,10 +21,10 @@ pub const COMPARED: [(&str, &str, &str); 8] = [
     ("gyro_bias_z_deg_h", "Gyro z", "deg/h"),
     ("gnss_latency_ms", "GNSS latency", "ms"),
 ];
-/// Errors below which a quantity counts as found, in its unit: twice to three times what is
-/// promised of ring lasers, and what a good calibration leaves of consumer sensors.
-const FOUND_HG1700: [f64; 8] = [0.06, 0.08, 0.08, 0.08, 0.5, 0.5, 0.5, 2.0];
-const FOUND_MEMS: [f64; 8] = [0.5, 2.0, 2.0, 2.0, 30.0, 30.0, 30.0, 10.0];
+/// Errors below which a quantity counts as settled, in its unit: two to three times the specification of
+/// ring lasers, and the residuals of a good calibration of consumer sensors.
+const SETTLED_HG1700: [f64; 8] = [0.06, 0.08, 0.08, 0.08, 0.5, 0.5, 0.5, 2.0];
+const SETTLED_MEMS: [f64; 8] = [0.5, 2.0, 2.0, 2.0, 30.0, 30.0, 30.0, 10.0];
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MethodResult {
@@ -38,17 +37,17 @@ pub struct MethodResult {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantityResult {
     pub name: &'static str,
-    /// Value and stated spread; empty where it was not observed.
+    /// Value and stated sigma; empty where it was not observed.
     #[serde(flatten)]
     pub quantity: Quantity,
     /// Value minus truth, where that is known.
     pub error: Option<f64>,
-    /// Since the first sample, until it stays found: near the truth, or, unknown, near its last
-    /// value. None for what is known only at the end of the log.
+    /// Settling time from the first sample: from then on near the truth, or, where that is unknown, near the
+    /// last value. None for methods whose estimates come only at the end of the log.
     pub settled_s: Option<f64>,
 }
 
-/// Root mean squares; of the position the horizontal one.
+/// RMS errors; of the position horizontal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrajectoryError {
     pub position_m: f64,
@@ -77,7 +76,7 @@ pub fn columns(input_axes: crate::log::BodyAxes, point: &Point) -> [Quantity; 8]
     columns
 }
 
-/// The same of a log, with what was taken off the stamps of its fixes before.
+/// The same of a log, with the latency that was removed from the stamps of its fixes before.
 pub(crate) fn columns_of_log(meta: &Meta, point: &Point) -> [Quantity; 8] {
     let mut columns = columns(meta.body_axes, point);
     columns[7] = latency_of_log(&point.estimates.gnss_latency_s, meta);
@@ -88,9 +87,9 @@ fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult>
     let Some(end) = track.points.last() else {
         return Vec::new();
     };
-    let found = match grade {
-        Grade::Hg1700 => FOUND_HG1700,
-        Grade::Mems => FOUND_MEMS,
+    let tolerances = match grade {
+        Grade::Hg1700 => SETTLED_HG1700,
+        Grade::Mems => SETTLED_MEMS,
     };
     let ends = columns_of_log(&input.log.meta, end);
     (0..COMPARED.len())
@@ -100,7 +99,7 @@ fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult>
                 name: COMPARED[which].0,
                 quantity: ends[which],
                 error: error(end).filter(|_| ends[which].observable()),
-                settled_s: settled(input, track, which, found[which]),
+                settled_s: settled(input, track, which, tolerances[which]),
             }
         })
         .collect()
@@ -117,19 +116,19 @@ fn error(input: &Input, point: &Point, which: usize) -> Option<f64> {
     Some(value - truth.columns()[which]?)
 }
 
-fn settled(input: &Input, track: &Track, which: usize, found: f64) -> Option<f64> {
+fn settled(input: &Input, track: &Track, which: usize, tolerance: f64) -> Option<f64> {
     let axes = input.log.meta.body_axes;
     let end = columns(axes, track.points.last()?)[which];
     // The heading moves all the time: without truth it cannot settle.
     if !track.online || !end.observable() || (which == 0 && input.truth.is_none()) {
         return None;
     }
-    let off = |point: &Point| match input.truth {
+    let error_of = |point: &Point| match input.truth {
         Some(_) => error(input, point, which),
         None => Some(columns(axes, point)[which].value - end.value),
     };
-    let stays = |point: &&Point| off(point).is_none_or(|off| off.abs() < found);
-    let since = track.points.iter().rev().take_while(stays).last()?;
+    let is_settled = |point: &&Point| error_of(point).is_none_or(|error| error.abs() < tolerance);
+    let since = track.points.iter().rev().take_while(is_settled).last()?;
     let first = input.log.imu.first()?;
     Some(since.time.seconds_since(first.time))
 }

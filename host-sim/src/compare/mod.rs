@@ -1,5 +1,5 @@
-//! Compensation against Kalman on one log: what they find, how soon, how well, at what cost; and its
-//! files `compare.json`, `compare.csv`, `outages.csv` and `report.html`.
+//! Compensation against Kalman on one log: estimates, settling times, errors, cost; and the files
+//! `compare.json`, `compare.csv`, `outages.csv` and `report.html`.
 
 pub(crate) mod cost;
 pub mod five_stage;
@@ -31,9 +31,9 @@ pub use measure::{MethodResult, QuantityResult};
 use outage::{Drift, OutageTest};
 use tracks::{Input, Point, Track, noise};
 
-/// Name of the file that marks the folder as ours.
+/// File by which a folder is recognized as output of this command.
 pub const JSON: &str = "compare.json";
-/// Of the methods, in their order.
+/// Curves of the methods, in their order.
 const CURVES: [(&str, RGBColor); 8] = [
     ("exact", BLUE),
     ("literal", GREY),
@@ -51,7 +51,7 @@ pub struct Comparison {
     pub duration_s: f64,
     /// Axes of the biases.
     pub body_axes: BodyAxes,
-    /// Class of sensors that the core was told.
+    /// Sensor class in the core's configuration.
     pub grade: Grade,
     /// Whether the true errors are known.
     pub simulated: bool,
@@ -73,7 +73,7 @@ pub struct Comparison {
 
 impl Comparison {
     pub fn of_input(mut read: analysis::Input, progress: &ProgressBar) -> Result<Self> {
-        // Which no other method knows.
+        // No other method uses a barometer.
         read.log.baro.clear();
         let (log, config, grade, truth) = (&read.log, read.config, read.grade, read.truth);
         let input = Input {
@@ -187,7 +187,7 @@ impl Comparison {
         }
     }
 
-    /// One estimate by every method, as it converges.
+    /// One estimate by every method over time.
     fn figure(&self, which: usize) -> Figure {
         let (_, title, unit) = COMPARED[which];
         let mut chart = Chart::over_time(title, unit, self.duration_s);

@@ -1,4 +1,4 @@
-//! Every method over the log, looked at once a second and at the last sample.
+//! Every method over the log, sampled once a second and at the last sample.
 
 use indicatif::ProgressBar;
 use ins_core::config::Form;
@@ -11,8 +11,8 @@ use crate::identify::run::identify;
 use crate::identify::true_errors::Truth;
 use crate::log::{Grade, Log};
 
-/// Interval between looks, s.
-const EVERY_S: f64 = 1.0;
+/// Interval between points, s.
+const INTERVAL_S: f64 = 1.0;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Input<'a> {
@@ -22,7 +22,7 @@ pub(crate) struct Input<'a> {
     pub(crate) truth: Option<&'a Truth>,
 }
 
-/// What the filter is told: of a simulated log the noise of its class.
+/// Noise model of the filter: for a simulated log that of its sensor class.
 pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
     if simulated {
         Noise::of_model(&grade.errors())
@@ -34,7 +34,7 @@ pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     pub time: Time,
-    /// Biases and latency; of the azimuth the spread alone, which is that of the heading.
+    /// Biases and latency; of the azimuth only the sigma, which is that of the heading.
     pub estimates: Estimates,
     pub solution: Solution,
 }
@@ -42,7 +42,7 @@ pub struct Point {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     pub method: String,
-    /// Whether the estimates are known as the log goes on, not only at its end.
+    /// Whether the estimates are available in real time, not only at the end of the log.
     pub online: bool,
     pub points: Vec<Point>,
 }
@@ -58,7 +58,7 @@ impl Track {
 }
 
 pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
-    let told = if input.truth.is_some() {
+    let label = if input.truth.is_some() {
         "noise of the class"
     } else {
         "noise as configured"
@@ -69,9 +69,9 @@ pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
         five_stage("five stages", five_stage::PUBLISHED, input)?,
         five_stage("five stages, repeated", five_stage::REPEATED, input)?,
     ];
-    tracks.extend(kalman_and_smoother(told, input)?);
+    tracks.extend(kalman_and_smoother(label, input)?);
     for (method, factor) in [("Kalman, noise / 3", 1.0 / 3.0), ("Kalman, noise x 3", 3.0)] {
-        tracks.push(kalman(method, input.noise.guessed(factor), input)?);
+        tracks.push(kalman(method, input.noise.scaled(factor), input)?);
     }
     Ok(tracks)
 }
@@ -85,7 +85,7 @@ fn compensation(method: &str, form: Form, input: &Input) -> Result<Track, Config
     Ok(Track::new(method, true, points(&found.history, &found.end)))
 }
 
-/// The core's own rows, from where it navigates, until the last sample.
+/// The core's rows, from the start of navigation to the last sample.
 pub(crate) fn points(history: &[Row], end: &Row) -> Vec<Point> {
     let point = |row: &Row| {
         Some(Point {
@@ -95,17 +95,17 @@ pub(crate) fn points(history: &[Row], end: &Row) -> Vec<Point> {
         })
     };
     let mut points = history.iter().filter_map(point).collect();
-    close(&mut points, point(end));
+    add_end(&mut points, point(end));
     points
 }
 
-/// All methods are compared at one moment, though their seconds begin at different ones.
-fn close(points: &mut Vec<Point>, end: Option<Point>) {
+/// Adds the last sample: all methods are compared at one time, though their seconds start differently.
+fn add_end(points: &mut Vec<Point>, end: Option<Point>) {
     let last = points.last().map(|last| last.time);
     points.extend(end.filter(|end| last.is_none_or(|last| last < end.time)));
 }
 
-/// Navigation with all that the stages have found taken out.
+/// Navigation with all errors corrected that the stages have found.
 pub(crate) fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
     let found = five_stage::run(input.log, input.config, rounds)?;
     let mut points = points(&found.history, &found.end);
@@ -127,12 +127,12 @@ pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track,
             points.push(filtered(filter));
         }
     }
-    close(&mut points, run.filter().map(filtered));
+    add_end(&mut points, run.filter().map(filtered));
     Ok(Track::new(method, true, points))
 }
 
 /// Both from one run; the smoother follows the last alignment.
-fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigError> {
+fn kalman_and_smoother(label: &str, input: &Input) -> Result<[Track; 2], ConfigError> {
     let noise = input.noise;
     let imu = input.log.imu.all();
     let mut run = Run::new(&imu, &input.log.gnss, input.config, noise)?;
@@ -155,22 +155,22 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
             smoothed.push(Point {
                 time: at.time,
                 estimates: at.estimates,
-                solution: at.known.solution(at.time),
+                solution: at.nominal.solution(at.time),
             });
         }
     }
-    // At the last sample nothing comes after that a smoother could know better by.
+    // At the last sample filter and smoother are the same.
     for track in [&mut points, &mut smoothed] {
-        close(track, run.filter().map(filtered));
+        add_end(track, run.filter().map(filtered));
     }
     Ok([
-        Track::new(&format!("Kalman, {told}"), true, points),
+        Track::new(&format!("Kalman, {label}"), true, points),
         Track::new("its smoother", false, smoothed),
     ])
 }
 
 fn due(points: &[Point], time: Time) -> bool {
-    row::due(points.last().map(|last| last.time), time, EVERY_S)
+    row::due(points.last().map(|last| last.time), time, INTERVAL_S)
 }
 
 fn filtered(filter: &Filter) -> Point {

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::output::shown;
 use super::replay::Replay;
 use super::run::{HEADING, POSITION, QUANTITIES, sizes};
-use crate::compare::outage::{FRESH_S, SETTLE_S, STRIDE_S};
+use crate::compare::outage::{FIX_AGE_S, SETTLE_S, STRIDE_S};
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::interval::student;
 use crate::identify::free_inertial::known;
@@ -172,7 +172,7 @@ fn drifts(
         let is_headed = || !headed || known(&navigator.estimates().azimuth_error_rad);
         let settled = settling.at(sample.time, navigates, SETTLE_S, is_headed)
             && is_headed()
-            && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FRESH_S);
+            && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FIX_AGE_S);
         if settled && next.is_none_or(|next| sample.time >= next) {
             blind.push(free(navigator.clone(), &imu[samples..], sample.time));
             next = Some(sample.time.plus_seconds(STRIDE_S));

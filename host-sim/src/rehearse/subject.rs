@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use super::flight::{Answers, Failure, Fault, Flown, Told};
 use super::program::Program;
 use crate::compare::kalman::Noise;
-use crate::compare::kalman::noise::tell;
+use crate::compare::kalman::noise::config_of_model;
 use crate::hil::bench;
 use crate::hil::board::Target;
 use crate::hil::session::{Event, HilError, Rate};
@@ -145,7 +145,7 @@ fn config(told: &Told, heading_rad: Option<f64>) -> Config {
     // An error may be more than a turn.
     let heading_rad = heading_rad.map(|heading| heading % TAU);
     let preset = config_of(told.grade, model.imu.output, heading_rad);
-    let mut config = tell(model, preset);
+    let mut config = config_of_model(model, preset);
     config.sensors.cross_axis = model.gyro_deg_h.misalignment_sigma;
     config
 }

@@ -170,7 +170,7 @@ impl<'a> Kalman<'a> {
     /// The bias that an accelerometer is felt to have, which this filter tells apart: see
     /// [`super::conditions`].
     fn felt(&self, filter: &Filter, axis: usize) -> Claim {
-        let (known, up) = (&filter.known, &self.up);
+        let (known, up) = (&filter.nominal, &self.up);
         let mut row = kalman::States::zeros(filter.layout.size);
         row[index::ACCEL + axis] = 1.0;
         if let Some(at) = filter.layout.accel_scale {
@@ -209,7 +209,7 @@ impl Subject for Kalman<'_> {
         let mut claims = claims(&filter.estimates(), self.up);
         claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
         claims.lever_arm_m = [0, 1, 2].map(|axis| {
-            let arm_m = filter.known.lever_arm_m[axis];
+            let arm_m = filter.nominal.lever_arm_m[axis];
             let sigma = |at| sigmas[at + axis];
             (filter.layout.lever_arm).map(|at| Claim::sure(arm_m, Some(sigma(at))))
         });

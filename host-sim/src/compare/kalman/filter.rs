@@ -1,4 +1,4 @@
-//! The filter itself: predicts over intervals, corrects by fixes and at rest.
+//! Time update over intervals; measurement updates by fixes and at rest.
 
 use ins_core::config::HeadingSource;
 use ins_core::increments::Interval;
@@ -7,72 +7,71 @@ use ins_core::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::{Estimates, GnssFix, Navigator, Solution, Time};
 use nalgebra::Vector3;
 
-use super::model::{AtMoment, Seen, Span, at_rest};
+use super::model::{Measurement, PastState, StepIntegrals, zero_rate};
 use super::noise::{Noise, total};
-use super::{Known, Layout, Part, StateMatrix, States, index, propagated, sigmas, times};
+use super::{Kind, Layout, Nominal, StateMatrix, States, index, propagated, sigmas, times};
 
-/// Spread of the velocity at the start, that of an old fix, m/s, and age of its position, s.
+/// Initial sigma of the velocity, which is from an old fix, m/s, and age of that fix's position, s.
 const START_VELOCITY_MPS: f64 = 1.0;
-const START_AGE_S: f64 = 0.5;
-/// Longest step of the covariance, s; a fix ends it earlier.
+const START_FIX_AGE_S: f64 = 0.5;
+/// Longest time step of the covariance, s; a fix ends it earlier.
 const COVARIANCE_STEP_S: f64 = 0.1;
-/// Time constant of the acceleration by which a fix is carried to its own moment, s: short beside
-/// a manoeuvre, long beside the vibration of an engine.
+/// Time constant of the low-pass acceleration that carries the INS back to the time of a fix, s: short
+/// beside a manoeuvre, long beside the vibration of an engine.
 const ACCEL_S: f64 = 0.03;
-/// An innovation beyond this many sigmas counts as if it were noisier (Huber); one beyond so many
-/// is not believed.
+/// Sigmas of an innovation beyond which it is weighted down (Huber), and beyond which it is rejected.
 const ROBUST_SIGMAS: f64 = 3.0;
 const GATE_SIGMAS: f64 = 6.0;
-/// A part of fixes that has not been believed for so long, and in so many fixes, shows that the
-/// filter is wrong: longer than receivers take to come back from a bridge or a reflection, short
-/// beside the minutes in which an INS is lost.
-const LOST_S: f64 = 5.0;
-const LOST_FIXES: u32 = 5;
-/// A filter that is wrong may be so by this much in tilt and azimuth, rad: a start in motion, and
-/// a heading found from it.
-const LOST_TILT_RAD: f64 = 0.1;
-const LOST_AZIMUTH_RAD: f64 = 1.0;
-/// Speed above which a fix shows motion, m/s, and sigmas of its noise on top: as in the core.
+/// Time and number of fixes for which one kind of measurement was rejected, after which the filter counts
+/// as diverged: longer than receivers take to recover from a bridge or multipath, short beside the minutes
+/// in which an INS drifts away.
+const DIVERGED_S: f64 = 5.0;
+const DIVERGED_FIXES: u32 = 5;
+/// Sigmas of tilt and azimuth of a diverged filter, rad: those of an alignment in motion, and of a heading
+/// found from it.
+const DIVERGED_TILT_RAD: f64 = 0.1;
+const DIVERGED_AZIMUTH_RAD: f64 = 1.0;
+/// Speed above which a fix shows motion, m/s, and sigmas of its noise added to it: as in the core.
 const MOTION_MPS: f64 = 0.2;
 const MOTION_SIGMAS: f64 = 4.0;
-/// Age of the last fix up to which it tells rest from steady motion, s: as in the core.
+/// Age of the last fix up to which it distinguishes rest from steady motion, s: as in the core.
 const HOLD_S: f64 = 1.5;
-/// What gyros read at rest is not believed beyond so many sigmas: the vehicle turns slowly.
+/// Gate of the zero-rate update, sigmas: beyond, the vehicle turns slowly.
 const REST_SIGMAS: f64 = 4.0;
 
-/// An INS and the covariance of its errors.
+/// Error-state filter: an INS and the covariance of its errors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filter {
     /// Stamp of the last interval's end.
     pub time: Time,
-    /// The INS and its sensors, less all errors that were found.
-    pub known: Known,
-    /// Covariance of the errors that are left, as of the last covariance step.
+    /// INS and sensor parameters, corrected by all estimated errors.
+    pub nominal: Nominal,
+    /// Covariance of the remaining errors, as of the last covariance step.
     pub covariance: StateMatrix,
     pub layout: Layout,
     noise: Noise,
     since: Time,
-    /// Spread of each error beyond which it is never doubted.
-    largest: States,
-    /// Zero: at every inertial sample, as most filters in firmware do.
+    /// Sigma of each error beyond which divergence does not inflate it.
+    sigma_limits: States,
+    /// Zero: at every inertial sample, as in most firmware.
     pub(super) covariance_step_s: f64,
-    span: Span,
+    integrals: StepIntegrals,
     transition: StateMatrix,
     accel_mps2: Vector3<f64>,
     rate_radps: Vector3<f64>,
-    refused: [Option<Refused>; 4],
+    rejected: [Option<Rejections>; 4],
     rest: RestDetector,
     last_fix: Time,
 }
 
-/// Fixes in a row of which a part was not believed.
+/// Consecutive fixes of which one kind was rejected.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Refused {
+struct Rejections {
     count: u32,
     since: Time,
 }
 
-/// What a measurement did: all that a smoother needs.
+/// Result of a measurement update, as the smoother needs it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correction {
     /// Transition of the errors since the last correction.
@@ -86,17 +85,16 @@ pub struct Correction {
 pub struct Start {
     pub time: Time,
     pub ins: Mechanization,
-    /// Spread of its roll and pitch, rad, if that is known.
+    /// Sigma of its roll and pitch, rad, if known.
     pub tilt_sigma_rad: Option<f64>,
     pub heading_sigma_rad: f64,
-    /// Gyro biases as the alignment knows them, rad/s.
+    /// Gyro biases found by the alignment, rad/s.
     pub gyro_bias_radps: Vector3<f64>,
     pub gyro_bias_sigma_radps: [f64; 3],
 }
 
 impl Start {
-    /// Where the core's alignment has ended; `None` before. The error of a heading that is given
-    /// nobody but the user knows.
+    /// At the end of the core's alignment; `None` before. The sigma of a given heading is the user's.
     pub fn of(navigator: &Navigator, time: Time, noise: &Noise) -> Option<Self> {
         let ins = *navigator.mechanization()?;
         let estimates = navigator.estimates();
@@ -118,9 +116,9 @@ impl Start {
 
     fn covariance(&self, noise: &Noise, layout: &Layout) -> StateMatrix {
         let (sensors, gnss) = (&noise.sensors, &noise.gnss);
-        let moved = Vector3::repeat(START_AGE_S * self.ins.velocity_enu_mps.norm());
+        let moved = Vector3::repeat(START_FIX_AGE_S * self.ins.velocity_enu_mps.norm());
         let [level, up] = [&gnss.position_m, &gnss.height_m].map(total);
-        let levelled = noise.levelled_rad();
+        let levelled = noise.levelling_error_rad();
         let tilt = self.tilt_sigma_rad.unwrap_or_default().max(levelled);
         let gyro = self.gyro_bias_sigma_radps;
         let gyro = gyro.map(|sigma| sigma.min(sensors.gyro_bias_radps));
@@ -148,8 +146,8 @@ impl Start {
         if let Some(at) = layout.clock_drift {
             sigma[at] = gnss.clock_drift_sigma;
         }
-        for (part, state) in layout.coloured() {
-            sigma[state] = noise.part(part).correlated;
+        for (kind, state) in layout.coloured_states() {
+            sigma[state] = noise.of_kind(kind).correlated;
         }
         StateMatrix::from_diagonal(&sigma.component_mul(&sigma))
     }
@@ -161,32 +159,33 @@ impl Filter {
         let covariance = start.covariance(noise, &layout);
         Self {
             time: start.time,
-            known: Known::new(start.ins, start.gyro_bias_radps, noise),
-            largest: largest(&covariance),
+            nominal: Nominal::new(start.ins, start.gyro_bias_radps, noise),
+            sigma_limits: sigma_limits(&covariance),
             covariance,
             layout,
             noise: *noise,
             since: start.time,
             covariance_step_s: COVARIANCE_STEP_S,
-            span: Span::default(),
+            integrals: StepIntegrals::default(),
             transition: StateMatrix::identity(layout.size, layout.size),
             accel_mps2: Vector3::zeros(),
             rate_radps: Vector3::zeros(),
-            refused: [None; 4],
+            rejected: [None; 4],
             rest: RestDetector::default(),
             last_fix: start.time,
         }
     }
 
-    /// Begins again with what was known of sensors, receiver and antenna.
-    pub(super) fn keep_sensors_of(&mut self, lost: &Self) {
-        self.since = lost.since;
-        self.known = Known {
-            ins: self.known.ins,
-            colour: self.known.colour,
-            ..lost.known
+    /// Keeps the estimates of sensors, receiver and antenna from before a gap, with their covariance.
+    pub(super) fn keep_sensors_of(&mut self, before_gap: &Self) {
+        self.since = before_gap.since;
+        self.nominal = Nominal {
+            ins: self.nominal.ins,
+            coloured: self.nominal.coloured,
+            ..before_gap.nominal
         };
-        let coloured: Vec<usize> = self.layout.coloured().map(|(_, state)| state).collect();
+        let coloured = self.layout.coloured_states().map(|(_, state)| state);
+        let coloured: Vec<usize> = coloured.collect();
         let kept: Vec<usize> = (index::ACCEL..self.layout.size)
             .filter(|state| !coloured.contains(state))
             .collect();
@@ -194,7 +193,7 @@ impl Filter {
             .iter()
             .flat_map(|row| kept.iter().map(move |column| (row, column)))
         {
-            self.covariance[(row, column)] = lost.covariance[(row, column)];
+            self.covariance[(row, column)] = before_gap.covariance[(row, column)];
         }
     }
 
@@ -207,27 +206,27 @@ impl Filter {
     }
 
     pub fn solution(&self) -> Solution {
-        self.known.solution(self.time)
+        self.nominal.solution(self.time)
     }
 
     pub fn estimates(&self) -> Estimates {
-        self.known
+        self.nominal
             .estimates(&self.covariance, self.run_s(), &self.layout, &self.noise)
     }
 
-    /// Advances over the interval that ends at `time`; at rest, corrects by what the gyros read.
+    /// Time update over the interval that ends at `time`; at rest, a zero-rate update.
     pub fn predict(&mut self, time: Time, raw: &Interval) -> Option<Correction> {
-        let interval = self.known.corrected(raw);
-        let before = self.known.ins.velocity_enu_mps;
-        let step = self.known.ins.step(&interval, &Controls::default());
-        let accel = (self.known.ins.velocity_enu_mps - before) / interval.seconds;
-        let part = (interval.seconds / ACCEL_S).min(1.0);
-        self.accel_mps2 += part * (accel - self.accel_mps2);
-        let earth_rate = self.known.ins.local_earth().earth_rate();
+        let interval = self.nominal.compensated(raw);
+        let before = self.nominal.ins.velocity_enu_mps;
+        let step = self.nominal.ins.step(&interval, &Controls::default());
+        let accel = (self.nominal.ins.velocity_enu_mps - before) / interval.seconds;
+        let gain = (interval.seconds / ACCEL_S).min(1.0);
+        self.accel_mps2 += gain * (accel - self.accel_mps2);
+        let earth_rate = self.nominal.ins.local_earth().earth_rate();
         self.rate_radps = interval.angle_rad / interval.seconds - step.attitude.tr_mul(&earth_rate);
-        self.span.add(&interval, &step);
+        self.integrals.add(&interval, &step);
         self.time = time;
-        if self.span.seconds >= self.covariance_step_s {
+        if self.integrals.seconds >= self.covariance_step_s {
             self.step_covariance();
         }
         match self.rest.on_interval(raw) {
@@ -239,42 +238,42 @@ impl Filter {
     }
 
     fn step_covariance(&mut self) {
-        let seconds = self.span.seconds;
+        let seconds = self.integrals.seconds;
         if seconds <= 0.0 {
             return;
         }
-        let transition = (self.span).transition(&self.known.ins, &self.layout, &self.noise);
-        // Half of the noise before and half after: exact to second order.
-        let growth = 0.5 * seconds * self.noise.growth(&self.layout, &self.known.ins);
-        self.covariance += &growth;
-        self.covariance = propagated(&transition, &self.covariance) + growth;
-        for (part, state) in self.layout.coloured() {
-            let colour = self.noise.part(part).correlated;
-            let renewed = colour * colour * (1.0 - self.noise.kept(part, 2.0 * seconds));
-            self.covariance[(state, state)] += renewed;
+        let transition = (self.integrals).transition(&self.nominal.ins, &self.layout, &self.noise);
+        // Half of the process noise before and half after: exact to second order.
+        let half = 0.5 * seconds * self.noise.process_noise(&self.layout, &self.nominal.ins);
+        self.covariance += &half;
+        self.covariance = propagated(&transition, &self.covariance) + half;
+        for (kind, state) in self.layout.coloured_states() {
+            let sigma = self.noise.of_kind(kind).correlated;
+            let driving = sigma * sigma * (1.0 - self.noise.correlation(kind, 2.0 * seconds));
+            self.covariance[(state, state)] += driving;
         }
         make_symmetric(&mut self.covariance);
-        self.known.age(seconds, &self.noise);
+        self.nominal.propagate(seconds, &self.noise);
         self.transition = times(&transition, &self.transition);
-        self.span = Span::default();
+        self.integrals = StepIntegrals::default();
     }
 
-    /// Compares a fix whose moment has just passed, and takes out the errors it shows.
+    /// Measurement update with a fix whose time, less latency, has just passed.
     pub fn correct(&mut self, fix: &GnssFix) -> Correction {
         self.step_covariance();
         let mut update = Update::new(&self.covariance);
-        let known = self.known;
-        let moment = AtMoment {
-            known: &known,
-            since_s: self
+        let nominal = self.nominal;
+        let past = PastState {
+            nominal: &nominal,
+            age_s: self
                 .time
-                .seconds_since(fix.time.plus_seconds(-known.latency_s)),
+                .seconds_since(fix.time.plus_seconds(-nominal.latency_s)),
             accel_mps2: self.accel_mps2,
             rate_radps: self.rate_radps,
         };
-        for part in Part::ALL {
-            if let Some(seen) = moment.compare(part, fix, &self.noise, &self.layout) {
-                self.take(part, &seen, &mut update);
+        for kind in Kind::ALL {
+            if let Some(measurement) = past.measurement(kind, fix, &self.noise, &self.layout) {
+                self.update_gated(kind, &measurement, &mut update);
             }
         }
         self.last_fix = self.time;
@@ -284,43 +283,43 @@ impl Filter {
         self.finish(update)
     }
 
-    fn take(&mut self, part: Part, seen: &Seen, update: &mut Update) {
-        let refused = &mut self.refused[part as usize];
-        let mut distance = update.distance(seen);
-        let is_long = |refused: &Refused| {
-            refused.count >= LOST_FIXES && self.time.seconds_since(refused.since) >= LOST_S
+    fn update_gated(&mut self, kind: Kind, measurement: &Measurement, update: &mut Update) {
+        let rejected = &mut self.rejected[kind as usize];
+        let mut mahalanobis = update.mahalanobis(measurement);
+        let is_long = |run: &Rejections| {
+            run.count >= DIVERGED_FIXES && self.time.seconds_since(run.since) >= DIVERGED_S
         };
-        let lost = refused.as_ref().is_some_and(is_long) && distance > GATE_SIGMAS;
-        if lost {
-            update.doubt(part, distance / ROBUST_SIGMAS, &self.largest);
-            distance = update.distance(seen);
+        let diverged = rejected.as_ref().is_some_and(is_long) && mahalanobis > GATE_SIGMAS;
+        if diverged {
+            update.inflate(kind, mahalanobis / ROBUST_SIGMAS, &self.sigma_limits);
+            mahalanobis = update.mahalanobis(measurement);
         }
-        if distance > GATE_SIGMAS && !lost {
+        if mahalanobis > GATE_SIGMAS && !diverged {
             let since = self.time;
-            refused.get_or_insert(Refused { count: 0, since }).count += 1;
+            rejected.get_or_insert(Rejections { count: 0, since }).count += 1;
             return;
         }
-        *refused = None;
-        update.take(seen, (distance / ROBUST_SIGMAS).max(1.0));
+        *rejected = None;
+        update.apply(measurement, (mahalanobis / ROBUST_SIGMAS).max(1.0));
     }
 
     fn correct_at_rest(&mut self, block: &RestBlock) -> Option<Correction> {
         self.step_covariance();
-        if !self.noise.reads_rest {
+        if !self.noise.uses_zero_rate {
             return None;
         }
         let (rate, seconds) = (&block.rate_radps, block.seconds);
-        let seen = at_rest(&self.known, rate, seconds, &self.noise, &self.layout);
+        let measurement = zero_rate(&self.nominal, rate, seconds, &self.noise, &self.layout);
         let mut update = Update::new(&self.covariance);
-        if update.distance(&seen) > REST_SIGMAS {
+        if update.mahalanobis(&measurement) > REST_SIGMAS {
             return None;
         }
-        update.take(&seen, 1.0);
+        update.apply(&measurement, 1.0);
         Some(self.finish(update))
     }
 
     fn finish(&mut self, update: Update) -> Correction {
-        self.known = self.known.less(&update.errors, &self.layout);
+        self.nominal = self.nominal.corrected_by(&update.errors, &self.layout);
         self.covariance = update.covariance;
         let identity = StateMatrix::identity(self.layout.size, self.layout.size);
         Correction {
@@ -336,21 +335,21 @@ impl Filter {
     }
 }
 
-/// Spreads as they were at the start, but for those of what the filter itself moves.
-fn largest(start: &StateMatrix) -> States {
-    let mut largest = sigmas(start);
+/// Initial sigmas; no limit for position and velocity, and at least those of divergence for the attitude.
+fn sigma_limits(start: &StateMatrix) -> States {
+    let mut limits = sigmas(start);
     for state in index::POSITION..index::ATTITUDE {
-        largest[state] = f64::INFINITY;
+        limits[state] = f64::INFINITY;
     }
     for state in index::ATTITUDE..index::ATTITUDE + 2 {
-        largest[state] = largest[state].max(LOST_TILT_RAD);
+        limits[state] = limits[state].max(DIVERGED_TILT_RAD);
     }
     let azimuth = index::ATTITUDE + 2;
-    largest[azimuth] = largest[azimuth].max(LOST_AZIMUTH_RAD);
-    largest
+    limits[azimuth] = limits[azimuth].max(DIVERGED_AZIMUTH_RAD);
+    limits
 }
 
-/// Measurements being taken, part by part.
+/// Sequential measurement update, kind by kind.
 struct Update {
     predicted: StateMatrix,
     errors: States,
@@ -366,60 +365,60 @@ impl Update {
         }
     }
 
-    fn innovation(&self, seen: &Seen) -> States {
-        &seen.difference - &seen.by * &self.errors
+    fn innovation(&self, measurement: &Measurement) -> States {
+        &measurement.difference - &measurement.jacobian * &self.errors
     }
 
-    /// Covariance of errors and innovation, and of the innovation.
-    fn variances(&self, seen: &Seen) -> [StateMatrix; 2] {
-        let mut cross = &self.covariance * seen.by.transpose();
-        let mut own = &seen.by * &cross;
-        if let Some(shared) = &seen.shared {
-            let by_noise = &seen.by * shared;
-            own += &by_noise + by_noise.transpose();
+    /// Cross-covariance of errors and innovation, `P H^T`, and covariance of the innovation, `S`.
+    fn variances(&self, measurement: &Measurement) -> [StateMatrix; 2] {
+        let mut cross = &self.covariance * measurement.jacobian.transpose();
+        let mut variance = &measurement.jacobian * &cross;
+        if let Some(shared) = &measurement.noise_correlation {
+            let by_noise = &measurement.jacobian * shared;
+            variance += &by_noise + by_noise.transpose();
             cross += shared;
         }
-        own += StateMatrix::from_diagonal(&seen.variance);
-        [cross, own]
+        variance += StateMatrix::from_diagonal(&measurement.variance);
+        [cross, variance]
     }
 
-    /// Of the innovation from zero, in sigmas of all its components together.
-    fn distance(&self, seen: &Seen) -> f64 {
-        let [_, own] = self.variances(seen);
-        let innovation = self.innovation(seen);
-        // Without noise and without doubt there is nothing to weigh: whatever comes is wild.
-        own.cholesky().map_or(f64::INFINITY, |root| {
+    /// Mahalanobis distance of the innovation: the root of its NIS.
+    fn mahalanobis(&self, measurement: &Measurement) -> f64 {
+        let [_, variance] = self.variances(measurement);
+        let innovation = self.innovation(measurement);
+        // A singular `S`, without noise and uncertainty, rejects everything.
+        variance.cholesky().map_or(f64::INFINITY, |root| {
             innovation.dot(&root.solve(&innovation)).sqrt()
         })
     }
 
-    /// Takes a measurement whose innovation has `noisier` times the variance that it should have.
+    /// Updates with the innovation variance multiplied by `variance_factor`.
     ///
-    /// `P + K S K^T - K (P H^T)^T - (P H^T) K^T`: Joseph's form for noise that the errors share.
-    fn take(&mut self, seen: &Seen, noisier: f64) {
-        let [cross, own] = self.variances(seen);
-        let own = own * noisier;
-        let Some(root) = own.clone().cholesky() else {
+    /// `P + K S K^T - K (P H^T)^T - (P H^T) K^T`: Joseph's form for noise correlated with the errors.
+    fn apply(&mut self, measurement: &Measurement, variance_factor: f64) {
+        let [cross, variance] = self.variances(measurement);
+        let variance = variance * variance_factor;
+        let Some(root) = variance.clone().cholesky() else {
             return;
         };
         let gain = root.solve(&cross.transpose()).transpose();
-        self.errors += &gain * self.innovation(seen);
+        self.errors += &gain * self.innovation(measurement);
         let both = &gain * cross.transpose();
-        self.covariance += &gain * (own * gain.transpose()) - &both - both.transpose();
+        self.covariance += &gain * (variance * gain.transpose()) - &both - both.transpose();
         make_symmetric(&mut self.covariance);
     }
 
-    /// Widens what a part of fixes shows to be wrong: the errors that it sees, and those behind
-    /// them, by a factor, but none beyond its largest.
-    fn doubt(&mut self, part: Part, factor: f64, largest: &States) {
+    /// Inflates, after divergence, the sigmas of the errors that a kind measures, and of those that drive
+    /// them, by a factor, but none beyond its limit.
+    fn inflate(&mut self, kind: Kind, factor: f64, sigma_limits: &States) {
         let sigma = sigmas(&self.covariance);
-        let behind = if part.is_velocity() {
+        let driving = if kind.is_velocity() {
             index::ATTITUDE..index::LATENCY
         } else {
             0..0
         };
-        for state in part.states().chain(behind) {
-            let factor = factor.min(largest[state] / sigma[state]).max(1.0);
+        for state in kind.states().chain(driving) {
+            let factor = factor.min(sigma_limits[state] / sigma[state]).max(1.0);
             self.covariance.row_mut(state).scale_mut(factor);
             self.covariance.column_mut(state).scale_mut(factor);
         }

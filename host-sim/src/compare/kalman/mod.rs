@@ -1,22 +1,21 @@
-//! An error-state Kalman filter over the core's mechanization: what the core is compared with.
+//! An error-state Kalman filter over the core's mechanization, as the baseline of the core.
 //!
-//! Sixteen errors always: position, velocity and attitude (computed minus true,
-//! `C' = (I - [Phi x]) C`), what is left of accelerometer and gyro biases and of the latency of
-//! GNSS in the compensated readings. Further ones where [`Noise`] says that there is something to
-//! find: clock drift, lever arm, scale errors, and coloured noise of each part of a fix
-//! ([`Layout`]). The parts of a fix are compared with the INS of the fix's own moment ([`model`]),
-//! and the errors found are taken out of the INS at once. At rest the gyros are read directly, as
-//! in the core. [`smooth`] goes back over the log.
+//! Always sixteen states: errors of position, velocity and attitude (computed minus true,
+//! `C' = (I - [Phi x]) C`), residual accelerometer and gyro biases and residual GNSS latency. Further ones
+//! where [`Noise`] has a prior for them: clock drift, lever arm, scale errors, and coloured noise of each
+//! kind of measurement ([`Layout`]). A fix is compared with the INS of its own time ([`model`]), and
+//! estimates are fed back to the nominal state ([`Nominal`]) at once. At rest there is a zero-rate update
+//! by the gyros, as in the core. [`smooth`] is the smoother.
 
 pub mod filter;
-pub mod known;
 pub mod model;
 pub mod noise;
+pub mod nominal;
 pub mod run;
 
 pub use filter::Filter;
-pub use known::Known;
 pub use noise::Noise;
+pub use nominal::Nominal;
 pub use run::{Record, Run, smooth};
 
 use core::ops::Range;
@@ -24,10 +23,10 @@ use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 pub type States = DVector<f64>;
-/// Covariance or transition of the errors.
+/// Covariance or transition matrix of the errors.
 pub type StateMatrix = DMatrix<f64>;
 
-/// Errors that are always there; the first of three, ENU or right-forward-up.
+/// Indices of the states that are always there; of vectors the first of three, ENU or right-forward-up.
 pub mod index {
     pub const POSITION: usize = 0;
     pub const VELOCITY: usize = 3;
@@ -39,9 +38,9 @@ pub mod index {
     pub const COUNT: usize = 16;
 }
 
-/// A part of a fix: what comes together, with a noise of its own.
+/// Kind of measurement in a fix, with a noise model of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Kind {
     /// East and north velocity.
     Velocity,
     VelocityUp,
@@ -50,8 +49,8 @@ pub enum Part {
     Height,
 }
 
-impl Part {
-    /// In the order in which they are taken.
+impl Kind {
+    /// In the order of the sequential updates.
     pub const ALL: [Self; 4] = [
         Self::Velocity,
         Self::VelocityUp,
@@ -71,17 +70,17 @@ impl Part {
         matches!(self, Self::Velocity | Self::VelocityUp)
     }
 
-    /// The errors of the INS that it shows directly.
+    /// States of the INS errors that it measures directly.
     pub fn states(self) -> Range<usize> {
         let first = [index::POSITION, index::VELOCITY][usize::from(self.is_velocity())];
         first + self.axes().start..first + self.axes().end
     }
 }
 
-/// Places of the errors that may be there; `None` where nothing is unknown.
+/// Indices of the optional states; `None` where a parameter is not estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// Growth of the latency, s/s.
+    /// Rate of the latency, s/s.
     pub clock_drift: Option<usize>,
     /// First of three: antenna from the sensors, body, m.
     pub lever_arm: Option<usize>,
@@ -89,26 +88,26 @@ pub struct Layout {
     pub accel_scale: Option<usize>,
     /// First of three: scale errors of the gyros, body, 1.
     pub gyro_scale: Option<usize>,
-    /// First of the coloured noise of each part of a fix, in the order of [`Part::ALL`].
-    pub colour: [Option<usize>; 4],
+    /// First of the coloured noise of each kind, in the order of [`Kind::ALL`].
+    pub coloured: [Option<usize>; 4],
     pub size: usize,
 }
 
 impl Layout {
-    /// Errors of a part's coloured noise, in the order of its axes; none where it has none.
-    pub(crate) fn colour(&self, part: Part) -> Range<usize> {
-        self.colour[part as usize].map_or(0..0, |first| first..first + part.axes().len())
+    /// States of a kind's coloured noise, in the order of its axes; none where it has none.
+    pub(crate) fn coloured(&self, kind: Kind) -> Range<usize> {
+        self.coloured[kind as usize].map_or(0..0, |first| first..first + kind.axes().len())
     }
 
-    /// All errors that are coloured noise, each with the part of a fix that it is in.
-    pub(crate) fn coloured(&self) -> impl Iterator<Item = (Part, usize)> {
-        let of = |part: Part| self.colour(part).map(move |state| (part, state));
-        Part::ALL.into_iter().flat_map(of)
+    /// All states of coloured noise, each with its kind.
+    pub(crate) fn coloured_states(&self) -> impl Iterator<Item = (Kind, usize)> {
+        let of = |kind: Kind| self.coloured(kind).map(move |state| (kind, state));
+        Kind::ALL.into_iter().flat_map(of)
     }
 }
 
-/// Product with a matrix that is mostly zero. Written out, for `nalgebra` multiplies large
-/// matrices in an order that depends on the processor.
+/// Product with a sparse matrix. Written out, for `nalgebra` multiplies large matrices in an order that
+/// depends on the processor.
 pub(crate) fn times(sparse: &StateMatrix, dense: &StateMatrix) -> StateMatrix {
     let mut entries = Vec::new();
     for (column, values) in sparse.column_iter().enumerate() {

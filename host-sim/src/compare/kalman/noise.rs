@@ -1,4 +1,4 @@
-//! What the filter is told of the sensors and the receiver.
+//! Noise model and priors of the filter.
 
 use ins_core::attitude::matrix;
 use ins_core::config::{self, GnssConfig, SensorConfig};
@@ -7,31 +7,30 @@ use ins_core::mechanization::Mechanization;
 use ins_core::{Config, GnssFix};
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Layout, Part, StateMatrix, index};
+use super::{Kind, Layout, StateMatrix, index};
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::sim::errors::{BiasModel, ErrorModel, GnssModel, SensorModel};
 use crate::sim::receiver::Correlated;
 
-/// Tilt that levelling leaves beyond what the accelerometer biases explain, rad.
+/// Tilt error of levelling beyond that by accelerometer biases, rad.
 const LEVELLING_RAD: f64 = 0.005;
-/// Heading that the user gives, rad; where its spread is not known.
+/// Sigma of a heading given by the user, rad, where it is not stated.
 const GIVEN_HEADING_RAD: f64 = 0.3;
 
-/// Noise densities and spreads, one sigma: what the core is told, and what it has no word for.
+/// Noise densities and priors, one sigma: the core's configuration, and what that does not contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// The sensors; of their ranges and misalignments the filter knows nothing.
+    /// The sensors; ranges and misalignments are not used.
     pub sensors: SensorConfig,
-    /// The receiver; nothing of its noise is learnt.
+    /// The receiver; its noise is not adapted.
     pub gnss: GnssConfig,
-    /// Whether the sigma that a fix states of its velocity is that of its white noise; else it is
-    /// not looked at. One that is stated of positions never is: it is that of the place and not of
-    /// the moment, and with fixed ambiguities a centimetre, which the stamps of few loggers are
-    /// worth.
-    pub believes_stated: bool,
-    /// Spread of a heading that is given at the start, rad.
+    /// Whether a stated sigma of velocity is used as that of its white noise. One of positions never is:
+    /// it is dominated by correlated noise, and with fixed ambiguities is a centimetre, which the time
+    /// stamps of few loggers support.
+    pub trusts_stated_sigma: bool,
+    /// Sigma of a heading that is given at the start, rad.
     pub heading_sigma_rad: f64,
-    pub reads_rest: bool,
+    pub uses_zero_rate: bool,
 }
 
 /// Sigma of white and coloured noise together.
@@ -39,24 +38,24 @@ pub(crate) fn total(noise: &config::Noise) -> f64 {
     libm::hypot(noise.white, noise.correlated)
 }
 
-/// A configuration of the core by what really was put into a simulated log.
+/// Configuration of the core with the true error model of a simulated log.
 ///
-/// A bias that wanders within bounds is taken for one that walks as fast.
-pub(crate) fn tell(model: &ErrorModel, config: Config) -> Config {
+/// A bounded bias process is modelled as a random walk of the same density.
+pub(crate) fn config_of_model(model: &ErrorModel, config: Config) -> Config {
     let (gyro, accel) = (&model.gyro_deg_h, &model.accel_mps2);
-    let white = |sensor: &SensorModel, unit: f64| {
+    let densities = |sensor: &SensorModel, unit: f64| {
         let density = sensor.white_noise * unit;
         sensor.noise_times.map(|times| density * times)
     };
     let [least, most] = model.gnss.latency_s;
     Config {
         sensors: SensorConfig {
-            gyro_noise: white(gyro, DEG_H_RADPS),
-            gyro_bias_walk: walk(&gyro.bias) * DEG_H_RADPS,
+            gyro_noise: densities(gyro, DEG_H_RADPS),
+            gyro_bias_walk: walk_density(&gyro.bias) * DEG_H_RADPS,
             gyro_bias_radps: gyro.bias.sigma_after(0.0) * DEG_H_RADPS,
             gyro_scale: gyro.scale_sigma,
-            accel_noise: white(accel, 1.0),
-            accel_bias_walk: walk(&accel.bias),
+            accel_noise: densities(accel, 1.0),
+            accel_bias_walk: walk_density(&accel.bias),
             accel_bias_mps2: accel.bias.sigma_after(0.0),
             accel_scale: accel.scale_sigma,
             ..config.sensors
@@ -66,20 +65,20 @@ pub(crate) fn tell(model: &ErrorModel, config: Config) -> Config {
             clock_drift_sigma: model.gnss.habits.clock_drift.abs(),
             lever_arm_m: model.gnss.habits.lever_arm_m,
             lever_arm_sigma_m: 0.0,
-            ..tell_of_fixes(&model.gnss, config.gnss)
+            ..gnss_config_of_model(&model.gnss, config.gnss)
         },
         ..config
     }
 }
 
-/// What the core is told of a receiver, by the noise of its fixes.
-pub(crate) fn tell_of_fixes(model: &GnssModel, gnss: GnssConfig) -> GnssConfig {
-    let noise = |white: f64, colour: &Correlated, told: config::Noise| config::Noise {
+/// Configuration of a receiver with the true noise of its fixes.
+pub(crate) fn gnss_config_of_model(model: &GnssModel, gnss: GnssConfig) -> GnssConfig {
+    let noise = |white: f64, coloured: &Correlated, told: config::Noise| config::Noise {
         white,
-        correlated: colour.sigma,
-        // Where there is no colour, the time that it would have is kept.
-        correlation_s: if colour.sigma > 0.0 {
-            colour.time_s
+        correlated: coloured.sigma,
+        // Without coloured noise the configured correlation time is kept.
+        correlation_s: if coloured.sigma > 0.0 {
+            coloured.time_s
         } else {
             told.correlation_s
         },
@@ -99,32 +98,32 @@ pub(crate) fn tell_of_fixes(model: &GnssModel, gnss: GnssConfig) -> GnssConfig {
 }
 
 impl Noise {
-    /// What really was put into a simulated log.
+    /// The true error model of a simulated log.
     pub fn of_model(model: &ErrorModel) -> Self {
         let heading_deg = model.given_heading_sigma_deg.unwrap_or_default();
         Self {
-            believes_stated: false,
+            trusts_stated_sigma: false,
             heading_sigma_rad: heading_deg.to_radians(),
-            ..Self::of_config(&tell(model, Config::hg1700()))
+            ..Self::of_config(&config_of_model(model, Config::hg1700()))
         }
     }
 
-    /// What the core is told, for a log whose true noise nobody knows.
+    /// The core's configuration, for a log whose true noise is unknown.
     pub fn of_config(config: &Config) -> Self {
         Self {
             sensors: config.sensors,
             gnss: config.gnss,
-            believes_stated: true,
+            trusts_stated_sigma: true,
             heading_sigma_rad: GIVEN_HEADING_RAD,
-            reads_rest: true,
+            uses_zero_rate: true,
         }
     }
 
-    /// As a user would guess who is wrong by a factor on the inertial sensors' noise and drift.
+    /// Mistuned by a factor on the noise and bias instability of the inertial sensors.
     ///
-    /// Wrong by as much on GNSS is the same filter: only the ratio of the two acts.
+    /// The same factor on GNSS as well would give the same filter: only the ratio of the two acts.
     #[must_use]
-    pub fn guessed(&self, factor: f64) -> Self {
+    pub fn scaled(&self, factor: f64) -> Self {
         let sensors = &self.sensors;
         Self {
             sensors: SensorConfig {
@@ -138,89 +137,89 @@ impl Noise {
         }
     }
 
-    /// What it leaves to find.
+    /// States for all parameters with a non-zero prior sigma.
     pub fn layout(&self) -> Layout {
         let mut size = index::COUNT;
-        let mut room = |spread: f64, count: usize| {
+        let mut add = |spread: f64, count: usize| {
             (spread > 0.0).then(|| {
                 size += count;
                 size - count
             })
         };
         Layout {
-            clock_drift: room(self.gnss.clock_drift_sigma, 1),
-            lever_arm: room(self.gnss.lever_arm_sigma_m, 3),
-            accel_scale: room(self.sensors.accel_scale, 3),
-            gyro_scale: room(self.sensors.gyro_scale, 3),
-            colour: Part::ALL.map(|part| room(self.part(part).correlated, part.axes().len())),
+            clock_drift: add(self.gnss.clock_drift_sigma, 1),
+            lever_arm: add(self.gnss.lever_arm_sigma_m, 3),
+            accel_scale: add(self.sensors.accel_scale, 3),
+            gyro_scale: add(self.sensors.gyro_scale, 3),
+            coloured: Kind::ALL.map(|kind| add(self.of_kind(kind).correlated, kind.axes().len())),
             size,
         }
     }
 
-    /// Of one component of a part of a fix.
-    pub fn part(&self, part: Part) -> &config::Noise {
-        match part {
-            Part::Velocity => &self.gnss.velocity_mps,
-            Part::VelocityUp => &self.gnss.velocity_up_mps,
-            Part::Position => &self.gnss.position_m,
-            Part::Height => &self.gnss.height_m,
+    /// Of one component of a kind of measurement.
+    pub fn of_kind(&self, kind: Kind) -> &config::Noise {
+        match kind {
+            Kind::Velocity => &self.gnss.velocity_mps,
+            Kind::VelocityUp => &self.gnss.velocity_up_mps,
+            Kind::Position => &self.gnss.position_m,
+            Kind::Height => &self.gnss.height_m,
         }
     }
 
-    /// What is left of a part's coloured noise after some time.
-    pub fn kept(&self, part: Part, seconds: f64) -> f64 {
-        libm::exp(-seconds / self.part(part).correlation_s)
+    /// Autocorrelation of a kind's coloured noise at a lag: its Gauss-Markov transition factor.
+    pub fn correlation(&self, kind: Kind, seconds: f64) -> f64 {
+        libm::exp(-seconds / self.of_kind(kind).correlation_s)
     }
 
-    /// White noise of one component of a part of a fix, one sigma.
-    pub fn white_of(&self, part: Part, fix: &GnssFix) -> f64 {
-        let stated = match part {
-            Part::Velocity => fix.sigma.velocity_mps,
-            // A receiver that has one sigma for all has it for this one.
-            Part::VelocityUp => fix.sigma.velocity_up_mps.or(fix.sigma.velocity_mps),
-            Part::Position | Part::Height => None,
+    /// White noise of one component of a kind of measurement, one sigma.
+    pub fn white_sigma(&self, kind: Kind, fix: &GnssFix) -> f64 {
+        let stated = match kind {
+            Kind::Velocity => fix.sigma.velocity_mps,
+            // A single stated sigma is that of all components.
+            Kind::VelocityUp => fix.sigma.velocity_up_mps.or(fix.sigma.velocity_mps),
+            Kind::Position | Kind::Height => None,
         };
         stated
-            .filter(|sigma| self.believes_stated && *sigma > 0.0)
-            .unwrap_or(self.part(part).white)
+            .filter(|sigma| self.trusts_stated_sigma && *sigma > 0.0)
+            .unwrap_or(self.of_kind(kind).white)
     }
 
-    /// White and coloured noise of one component of a part of a fix together, one sigma.
+    /// White and coloured noise of one component of a kind of measurement, one sigma.
     #[cfg(feature = "peers")]
-    pub(crate) fn total_of(&self, part: Part, fix: &GnssFix) -> f64 {
-        libm::hypot(self.white_of(part, fix), self.part(part).correlated)
+    pub(crate) fn total_sigma(&self, kind: Kind, fix: &GnssFix) -> f64 {
+        libm::hypot(self.white_sigma(kind, fix), self.of_kind(kind).correlated)
     }
 
-    /// Tilt that levelling on the accelerometers leaves, rad.
-    pub(super) fn levelled_rad(&self) -> f64 {
+    /// Tilt error of levelling by the accelerometers, rad.
+    pub(super) fn levelling_error_rad(&self) -> f64 {
         let scale_mps2 = self.sensors.accel_scale * GRAVITY_EQUATOR_MPS2;
         let error_mps2 = libm::hypot(self.sensors.accel_bias_mps2, scale_mps2);
         2.0 * error_mps2 / GRAVITY_EQUATOR_MPS2 + LEVELLING_RAD
     }
 
-    /// Growth of the covariance of INS and biases in a second, at an attitude.
-    pub(super) fn growth(&self, layout: &Layout, ins: &Mechanization) -> StateMatrix {
+    /// Process noise of INS and biases per second, at an attitude.
+    pub(super) fn process_noise(&self, layout: &Layout, ins: &Mechanization) -> StateMatrix {
         let attitude = matrix(&ins.attitude);
-        let turned = |noise: [f64; 3]| {
+        let rotated = |noise: [f64; 3]| {
             let noise = Vector3::from(noise);
             let power = Matrix3::from_diagonal(&noise.component_mul(&noise));
             attitude * power * attitude.transpose()
         };
         let walk = |density: f64| density * density * Matrix3::identity();
-        let mut growth = StateMatrix::zeros(layout.size, layout.size);
+        let mut noise = StateMatrix::zeros(layout.size, layout.size);
         let mut set = |at: usize, block: Matrix3<f64>| {
-            growth.fixed_view_mut::<3, 3>(at, at).copy_from(&block);
+            noise.fixed_view_mut::<3, 3>(at, at).copy_from(&block);
         };
-        set(index::VELOCITY, turned(self.sensors.accel_noise));
-        set(index::ATTITUDE, turned(self.sensors.gyro_noise));
+        set(index::VELOCITY, rotated(self.sensors.accel_noise));
+        set(index::ATTITUDE, rotated(self.sensors.gyro_noise));
         set(index::ACCEL, walk(self.sensors.accel_bias_walk));
         set(index::GYRO, walk(self.sensors.gyro_bias_walk));
-        growth
+        noise
     }
 }
 
-/// Walk of a bias, U/sqrt(s): that of its jumps, or the one with which correlated noise sets out.
-fn walk(bias: &BiasModel) -> f64 {
+/// Random-walk density of a bias, U/sqrt(s): of its jumps, or the short-time one of correlated noise.
+fn walk_density(bias: &BiasModel) -> f64 {
     match *bias {
         BiasModel::Wave {
             interval_s,

@@ -1,8 +1,8 @@
-//! The filter run over a log, from the core's own alignment on; and back over it: the fixed-interval
-//! smoother of Rauch, Tung and Striebel.
+//! The filter over a log, from the core's own alignment on; and the fixed-interval smoother of Rauch, Tung
+//! and Striebel.
 //!
-//! The filter takes out what it finds, so it is errors of its solution that are smoothed: `s` of
-//! the corrected and `s + found` of the predicted one at the same fix.
+//! The filter corrects its solution by every error estimate, so errors of that solution are smoothed: `s`
+//! of the corrected and `s + errors` of the predicted one at the same fix.
 
 use core::iter::Peekable;
 use core::slice::Iter;
@@ -12,15 +12,15 @@ use ins_core::increments::{Increments, Interval};
 use ins_core::{Config, ConfigError, Estimates, GnssFix, ImuSample, Navigator, Time};
 
 use super::filter::{Correction, Filter, Start};
-use super::{Known, Noise, StateMatrix, States, propagated, times};
+use super::{Noise, Nominal, StateMatrix, States, propagated, times};
 
-/// Longest hole in the samples that it bridges, s: it has no noise for what happens in one.
-const BRIDGED_S: f64 = 0.5;
+/// Longest gap in the samples that is integrated over, s: there is no noise model of the motion in one.
+const LONGEST_GAP_S: f64 = 0.5;
 
-/// Inertial samples and fixes, and how far the filter has come in them. Clone it for a snapshot.
+/// The filter and the samples and fixes that it has yet to process. Clone it for a snapshot.
 ///
-/// A fix is taken when the INS has just reached the fix's own moment: with latency the filter
-/// stands that much before the newest data.
+/// A fix is processed when the INS has just reached its time less latency: the filter lags the newest data
+/// by the latency.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     config: Config,
@@ -30,8 +30,8 @@ pub struct Run<'a> {
     fixes_until: Option<Time>,
     covariance_at_every_sample: bool,
     state: State,
-    /// The filter before a hole that it did not bridge.
-    lost: Option<Box<Filter>>,
+    /// The filter before a gap that was too long.
+    before_gap: Option<Box<Filter>>,
     last: Option<(Time, Increments)>,
 }
 
@@ -42,7 +42,7 @@ enum State {
 }
 
 impl<'a> Run<'a> {
-    /// Stands before the first sample. The configuration says how to align.
+    /// Before the first sample. The configuration is that of the alignment.
     pub fn new(
         imu: &'a [ImuSample],
         gnss: &'a [GnssFix],
@@ -57,7 +57,7 @@ impl<'a> Run<'a> {
             fixes_until: None,
             covariance_at_every_sample: false,
             state: State::Aligning(Box::new(Navigator::new(config)?)),
-            lost: None,
+            before_gap: None,
             last: None,
         })
     }
@@ -70,8 +70,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Takes no fix of this stamp or a later one.
-    pub fn take_fixes_until(&mut self, time: Time) {
+    /// Ignores fixes of this stamp and later ones.
+    pub fn ignore_fixes_from(&mut self, time: Time) {
         self.fixes_until = Some(time);
     }
 
@@ -82,8 +82,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Takes one sample and the fixes whose moments it has passed, and tells of every correction;
-    /// the stamp of the sample, or `None` at the end of the log.
+    /// Processes one sample and the fixes whose times it has passed, with a call for every update; the
+    /// stamp of the sample, or `None` at the end of the log.
     pub fn step(&mut self, corrected: &mut dyn FnMut(&Filter, Correction)) -> Option<Time> {
         let sample = self.samples.next()?;
         let last = self.last.as_ref().map_or(sample.time, |(time, _)| *time);
@@ -91,7 +91,7 @@ impl<'a> Run<'a> {
         match (&self.state, interval) {
             (State::Aligning(_), _) => self.align(sample),
             (State::Filtering(_), None) => {}
-            (State::Filtering(_), Some(_)) if sample.time.seconds_since(last) > BRIDGED_S => {
+            (State::Filtering(_), Some(_)) if sample.time.seconds_since(last) > LONGEST_GAP_S => {
                 self.align_again(sample);
             }
             (State::Filtering(_), Some(interval)) => {
@@ -105,7 +105,7 @@ impl<'a> Run<'a> {
         while self.step(&mut |_, _| {}).is_some() {}
     }
 
-    /// What has come since the sample before; none without one, or with one of the same time.
+    /// Increments since the previous sample; none without one, or with one of the same time.
     fn interval(&mut self, sample: &ImuSample) -> Option<Interval> {
         let Some((last, increments)) = &mut self.last else {
             let increments = Increments::new(self.config.imu_output, sample);
@@ -130,8 +130,8 @@ impl<'a> Run<'a> {
         let _ = navigator.on_imu(sample);
         if let Some(start) = Start::of(navigator, sample.time, &self.noise) {
             let mut filter = Filter::new(&start, &self.noise);
-            if let Some(lost) = &self.lost {
-                filter.keep_sensors_of(lost);
+            if let Some(before_gap) = &self.before_gap {
+                filter.keep_sensors_of(before_gap);
             }
             if self.covariance_at_every_sample {
                 filter.covariance_step_s = 0.0;
@@ -153,7 +153,7 @@ impl<'a> Run<'a> {
             corrected(filter, correction);
         }
         while let Some(fix) = self.fixes.next_if(|fix| {
-            let moment = fix.time.plus_seconds(-filter.known.latency_s);
+            let moment = fix.time.plus_seconds(-filter.nominal.latency_s);
             moment <= filter.time && self.fixes_until.is_none_or(|until| fix.time < until)
         }) {
             let correction = filter.correct(fix);
@@ -161,15 +161,15 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// A hole too long to bridge: from the alignment on, with what is known of the sensors.
+    /// After a gap that is too long: aligns anew, and keeps the sensor estimates.
     fn align_again(&mut self, sample: &ImuSample) {
-        // A heading is given for the first sample, and is another one by now.
+        // A given heading is that of the first sample.
         self.config.heading = HeadingSource::Auto;
         // The configuration was accepted before.
         if let Ok(navigator) = Navigator::new(self.config) {
             let aligning = State::Aligning(Box::new(navigator));
-            if let State::Filtering(lost) = std::mem::replace(&mut self.state, aligning) {
-                self.lost = Some(lost);
+            if let State::Filtering(before_gap) = std::mem::replace(&mut self.state, aligning) {
+                self.before_gap = Some(before_gap);
             }
             self.last = None;
             let _ = self.interval(sample);
@@ -178,20 +178,20 @@ impl<'a> Run<'a> {
     }
 }
 
-/// The filter just after a correction, kept for the way back.
+/// The filter just after an update, for the smoother.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     pub time: Time,
-    known: Known,
+    nominal: Nominal,
     run_s: f64,
     correction: Correction,
 }
 
-/// What all data say of one time.
+/// Smoothed state at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Smoothed {
     pub time: Time,
-    pub known: Known,
+    pub nominal: Nominal,
     pub estimates: Estimates,
 }
 
@@ -199,31 +199,31 @@ impl Record {
     pub fn new(filter: &Filter, correction: Correction) -> Self {
         Self {
             time: filter.time,
-            known: filter.known,
+            nominal: filter.nominal,
             run_s: filter.run_s(),
             correction,
         }
     }
 }
 
-/// Goes back over the records of a filter that was told this noise; they must follow one another
-/// without a new alignment between.
+/// Backward pass over the records of a filter with this noise model, which must not contain a new
+/// alignment.
 pub fn smooth(records: &[Record], noise: &Noise) -> Vec<Smoothed> {
     let Some(last) = records.last() else {
         return Vec::new();
     };
     let layout = noise.layout();
-    let less = |record: &Record, errors: &States, covariance: &StateMatrix| {
-        let known = record.known.less(errors, &layout);
+    let smoothed_at = |record: &Record, errors: &States, covariance: &StateMatrix| {
+        let nominal = record.nominal.corrected_by(errors, &layout);
         Smoothed {
             time: record.time,
-            known,
-            estimates: known.estimates(covariance, record.run_s, &layout, noise),
+            nominal,
+            estimates: nominal.estimates(covariance, record.run_s, &layout, noise),
         }
     };
     let mut errors = States::zeros(layout.size);
     let mut covariance = last.correction.corrected.clone();
-    let mut smoothed = vec![less(last, &errors, &covariance)];
+    let mut smoothed = vec![smoothed_at(last, &errors, &covariance)];
     for pair in records.windows(2).rev() {
         let (record, next) = (&pair[0], &pair[1].correction);
         let Some(gain) = gain(&record.correction.corrected, next) else {
@@ -232,13 +232,13 @@ pub fn smooth(records: &[Record], noise: &Noise) -> Vec<Smoothed> {
         errors = &gain * (errors + &next.errors);
         let change = propagated(&gain, &(covariance - &next.predicted));
         covariance = &record.correction.corrected + change;
-        smoothed.push(less(record, &errors, &covariance));
+        smoothed.push(smoothed_at(record, &errors, &covariance));
     }
     smoothed.reverse();
     smoothed
 }
 
-/// `P F^T P'^-1`; `None` if the prediction is singular.
+/// Smoother gain `P F^T P'^-1`; `None` if the predicted covariance is singular.
 fn gain(corrected: &StateMatrix, next: &Correction) -> Option<StateMatrix> {
     // Scaled to correlations first: variances of radians and metres are decades apart.
     let scale = next
@@ -278,13 +278,13 @@ mod tests {
         let drive = simulate(&with_hole);
         let config = config_of(Grade::Hg1700, output, drive.given_heading_rad);
         let mut run = Run::new(&drive.imu, &drive.gnss, config, noise).unwrap();
-        let hole = Time::default().plus_seconds(299.0);
-        while run.step(&mut |_, _| {}).is_some_and(|time| time < hole) {}
-        let known = run.filter().expect("aligned").sigmas()[index::LATENCY];
+        let gap = Time::default().plus_seconds(299.0);
+        while run.step(&mut |_, _| {}).is_some_and(|time| time < gap) {}
+        let before = run.filter().expect("aligned").sigmas()[index::LATENCY];
         run.finish();
         let filter = run.filter().expect("aligned again");
         let latency_sigma_s = filter.sigmas()[index::LATENCY];
-        assert!(latency_sigma_s < known, "{latency_sigma_s} after {known}");
+        assert!(latency_sigma_s < before, "{latency_sigma_s} after {before}");
         let truth = drive.truth.last().unwrap();
         assert_eq!(filter.time, truth.time);
         let attitude = filter.solution().attitude;

@@ -1,8 +1,8 @@
-//! What is taken through outages.
+//! Navigators under outage test.
 
 use ins_core::{GnssFix, ImuSample, Navigator, Solution};
 
-/// An INS that takes samples and fixes by their stamps.
+/// An aided INS, given samples and fixes in the order of their stamps.
 pub(super) trait Ins: Clone {
     fn on_imu(&mut self, sample: &ImuSample);
     fn on_gnss(&mut self, fix: &GnssFix);

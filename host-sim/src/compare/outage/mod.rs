@@ -1,6 +1,6 @@
-//! GNSS outages placed all along a log: how far an INS drifts that has to do without.
+//! Simulated GNSS outages all along a log: drift of the unaided INS.
 //!
-//! Each navigator runs over the log once, and a copy of it through every outage without a fix.
+//! Each navigator runs over the log once, and a copy of it over every outage without fixes.
 
 mod ins;
 #[cfg(feature = "peers")]
@@ -20,34 +20,34 @@ use crate::page::table::{Table, heads};
 use crate::statistics::rms;
 use ins::Ins;
 
-/// Length of an outage, and from start to start, s.
+/// Duration of an outage, and interval between their starts, s.
 pub const OUTAGE_S: f64 = 30.0;
 pub(crate) const STRIDE_S: f64 = 10.0;
-/// Navigation before the first outage, s: as much GNSS as is then taken away.
+/// Aided navigation before the first outage, s: as long as an outage.
 pub(crate) const SETTLE_S: f64 = OUTAGE_S;
-/// Age of the last fix at which an outage may begin, s; older, there already is one.
-pub(crate) const FRESH_S: f64 = 1.5;
-/// Age at which a point of the reference no longer stands for the end of an outage, s.
-const LATE_S: f64 = 1.5;
+/// Largest age of the last fix at which an outage may begin, s; older, the log has an outage of its own.
+pub(crate) const FIX_AGE_S: f64 = 1.5;
+/// Largest age of the last reference point at the end of an outage, s.
+const REFERENCE_AGE_S: f64 = 1.5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Against {
+pub enum Reference {
     /// The true motion of a simulation.
     Truth,
-    /// The fixes that were kept from the navigators.
+    /// The fixes withheld from the navigators.
     Gnss,
 }
 
-/// All navigators through the same outages.
+/// All navigators over the same outages.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OutageTest {
-    pub against: Against,
+    pub against: Reference,
     /// Root mean square of the drifts of each.
     pub navigators: Vec<Drifts>,
 }
 
-/// Horizontal errors in one outage: at its end, and the largest.
+/// Horizontal errors in one outage: at its end, and largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Drift {
     /// Start, since the first sample, s.
@@ -58,7 +58,7 @@ pub struct Drift {
     pub velocity_max_mps: f64,
 }
 
-/// One navigator through all outages: root mean squares at their ends, and the largest in any.
+/// One navigator over all outages: RMS at their ends, and the largest in any.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drifts {
     pub navigator: &'static str,
@@ -87,29 +87,29 @@ impl Drifts {
     }
 }
 
-/// Places outages all along a log, and takes every navigator through them; `None` where none fits.
+/// Places outages all along a log, and runs every navigator over them; `None` where none fits.
 pub fn test(
     log: &Log,
     simulated: bool,
     config: Config,
     noise: Noise,
 ) -> Result<Option<OutageTest>, ConfigError> {
-    let Some(course) = Course::new(log, simulated, config)? else {
+    let Some(plan) = OutagePlan::new(log, simulated, config)? else {
         return Ok(None);
     };
     let against = if simulated {
-        Against::Truth
+        Reference::Truth
     } else {
-        Against::Gnss
+        Reference::Gnss
     };
-    let navigators = course.navigators(config, noise)?;
+    let navigators = plan.navigators(config, noise)?;
     Ok(navigators.map(|navigators| OutageTest {
         against,
         navigators,
     }))
 }
 
-/// All over the outages in which each of them had a solution; `None` where there is none.
+/// Drifts over the outages in which all navigators had a solution; `None` where there is none.
 fn in_common(navigators: &[Drifts]) -> Option<Vec<Drifts>> {
     let in_all = |outage: &Drift| {
         let same = |other: &Drift| other.start_s.total_cmp(&outage.start_s).is_eq();
@@ -130,8 +130,8 @@ fn in_common(navigators: &[Drifts]) -> Option<Vec<Drifts>> {
 impl OutageTest {
     pub(crate) fn table(&self) -> Table {
         let against = match self.against {
-            Against::Truth => "the truth",
-            Against::Gnss => "the fixes kept from the navigators",
+            Reference::Truth => "the truth",
+            Reference::Gnss => "the fixes kept from the navigators",
         };
         let title = format!(
             "Horizontal drift over {OUTAGE_S:.0} s without GNSS, against {against}; one outage \
@@ -153,9 +153,9 @@ impl OutageTest {
     }
 }
 
-/// The outages of a log, and what to measure drifts against.
+/// The outages of a log, and the reference of the drifts.
 #[derive(Clone, Debug)]
-pub(crate) struct Course<'a> {
+pub(crate) struct OutagePlan<'a> {
     log: &'a Log,
     #[cfg(feature = "peers")]
     latency_s: f64,
@@ -163,46 +163,46 @@ pub(crate) struct Course<'a> {
     reference: Vec<Point>,
 }
 
-/// Where the vehicle really was at one moment.
+/// Reference motion at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     time: Time,
     position: Geodetic,
-    /// How long before that time the position was, s: a receiver's may be later than its velocities.
-    position_before_s: f64,
+    /// Delay of the position relative to that time, s: a receiver's may be later than its velocities.
+    position_delay_s: f64,
     velocity_en_mps: Vector2<f64>,
 }
 
-impl<'a> Course<'a> {
-    /// From where the core has settled and, if it ever does, observes the azimuth; `None` where
+impl<'a> OutagePlan<'a> {
+    /// From the time at which the core has settled and, if it ever does, observes the azimuth; `None` where
     /// no outage fits.
     ///
-    /// Recorded logs have no truth to trust: there the fixes that are kept from the navigators are
-    /// what they are compared with, at the moments that the delays found by the core give them.
+    /// Recorded logs have no truth: their reference is the fixes withheld from the navigators, with the
+    /// delays that the core estimates.
     pub(crate) fn new(
         log: &'a Log,
         simulated: bool,
         config: Config,
     ) -> Result<Option<Self>, ConfigError> {
-        let (first, delays_s) = survey(log, config)?;
+        let (first, delays_s) = settling_and_delays(log, config)?;
         let reference: Vec<Point> = if simulated {
             log.truth.iter().map(true_point).collect()
         } else {
             let fixes = log.gnss.iter();
-            fixes.filter_map(|fix| whole(fix, delays_s)).collect()
+            fixes.filter_map(|fix| fix_point(fix, delays_s)).collect()
         };
-        let course = Self {
+        let plan = Self {
             log,
             #[cfg(feature = "peers")]
             latency_s: delays_s[0],
             starts: first.map_or_else(Vec::new, |first| starts(log, first, &reference)),
             reference,
         };
-        Ok((!course.starts.is_empty()).then_some(course))
+        Ok((!plan.starts.is_empty()).then_some(plan))
     }
 
-    /// All there are through them, the core first, then the Kalman filter; `None` where there is no outage
-    /// in which each of them has a solution.
+    /// Drifts of all navigators, the core first, then the Kalman filter; `None` where there is no outage in
+    /// which each of them has a solution.
     pub(crate) fn navigators(
         &self,
         config: Config,
@@ -218,27 +218,27 @@ impl<'a> Course<'a> {
 
     pub(crate) fn core(&self, config: Config) -> Result<Drifts, ConfigError> {
         let core = Navigator::new(config)?;
-        Ok(Drifts::new("compensation", self.through(core)))
+        Ok(Drifts::new("compensation", self.drifts(core)))
     }
 
     #[cfg(feature = "peers")]
     fn peer(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
         let peer = peer::Peer::new(config, noise, self.latency_s)?;
-        Ok(Drifts::new("fusion-nav", self.through(peer)))
+        Ok(Drifts::new("fusion-nav", self.drifts(peer)))
     }
 
-    /// The Kalman filter through them. It stands at the moments of the fixes, not at their stamps.
+    /// The Kalman filter over them. It is at the fixes' times less latency, not at their stamps.
     fn kalman(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
         let imu = self.log.imu.all();
         let mut run = Run::new(&imu, &self.log.gnss, config, noise)?;
         let mut drifts = Vec::new();
         let mut starts = self.starts.iter().peekable();
         while let Some(time) = run.step(&mut |_, _| {}) {
-            let latency_s = run.filter().map_or(0.0, |filter| filter.known.latency_s);
+            let latency_s = run.filter().map_or(0.0, |filter| filter.nominal.latency_s);
             let reached = |start: &&Time| start.plus_seconds(-latency_s) <= time;
             while let Some(start) = starts.next_if(reached) {
                 let mut run = run.clone();
-                run.take_fixes_until(*start);
+                run.ignore_fixes_from(*start);
                 drifts.extend(self.drift(*start, || {
                     run.step(&mut |_, _| {})?;
                     Some(run.filter().map(Filter::solution))
@@ -248,18 +248,18 @@ impl<'a> Course<'a> {
         Ok(Drifts::new("Kalman", drifts))
     }
 
-    /// Any INS through them, each from the sample after the last one taken.
-    fn through<I: Ins>(&self, mut ins: I) -> Vec<Drift> {
+    /// Any INS over them, each from the sample after the last one processed.
+    fn drifts<I: Ins>(&self, mut ins: I) -> Vec<Drift> {
         let log = self.log;
         let mut drifts = Vec::new();
         let mut starts = self.starts.iter().peekable();
         for event in in_order_of_time(log.imu.iter(), &log.gnss) {
             let now = event.time();
             while let Some(start) = starts.next_if(|start| **start <= now) {
-                let (mut blind, mut samples) = (ins.clone(), log.imu.since(*start));
+                let (mut unaided, mut samples) = (ins.clone(), log.imu.since(*start));
                 drifts.extend(self.drift(*start, || {
-                    blind.on_imu(&samples.next()?);
-                    Some(blind.solution())
+                    unaided.on_imu(&samples.next()?);
+                    Some(unaided.solution())
                 }));
             }
             match event {
@@ -270,8 +270,8 @@ impl<'a> Course<'a> {
         drifts
     }
 
-    /// Compares an outage that begins at `start`, step by step, until the reference or the log ends; none
-    /// of a navigator that has no solution somewhere in it, as one that aligns after a hole.
+    /// Drift in an outage that begins at `start`, until the reference or the log ends; none of a navigator
+    /// without a solution somewhere in it, as one that aligns after a gap.
     fn drift(
         &self,
         start: Time,
@@ -289,7 +289,7 @@ impl<'a> Course<'a> {
         {
             let solution = solution?;
             while let Some(point) = points.next_if(|point| point.time <= solution.time) {
-                drift.take(&solution, point);
+                drift.add(&solution, point);
             }
         }
         Some(drift)
@@ -297,12 +297,12 @@ impl<'a> Course<'a> {
 }
 
 impl Drift {
-    /// The next point of the outage; the solution is at most a sample later.
-    fn take(&mut self, solution: &Solution, point: &Point) {
+    /// Adds the next reference point; the solution is at most a sample later.
+    fn add(&mut self, solution: &Solution, point: &Point) {
         let since_s = solution.time.seconds_since(point.time);
         let velocity = solution.velocity_enu_mps.xy();
-        let way_m = (since_s + point.position_before_s) * velocity;
-        let position = solution.position.enu_from(&point.position).xy() - way_m;
+        let moved_m = (since_s + point.position_delay_s) * velocity;
+        let position = solution.position.enu_from(&point.position).xy() - moved_m;
         self.position_end_m = position.norm();
         self.velocity_end_mps = (velocity - point.velocity_en_mps).norm();
         self.position_max_m = self.position_max_m.max(self.position_end_m);
@@ -310,9 +310,9 @@ impl Drift {
     }
 }
 
-/// What the core finds in a whole log: where outages may begin, and of the end the latency and by how
-/// much positions are later, where observable, s.
-fn survey(log: &Log, config: Config) -> Result<(Option<Time>, [f64; 2]), ConfigError> {
+/// From the core over the whole log: when outages may begin, and final latency and position delay, where
+/// observable, s.
+fn settling_and_delays(log: &Log, config: Config) -> Result<(Option<Time>, [f64; 2]), ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let mut settling = Settling::default();
     for event in in_order_of_time(log.imu.iter(), &log.gnss) {
@@ -336,38 +336,38 @@ fn true_point(truth: &Solution) -> Point {
     Point {
         time: truth.time,
         position: truth.position,
-        position_before_s: 0.0,
+        position_delay_s: 0.0,
         velocity_en_mps: truth.velocity_enu_mps.xy(),
     }
 }
 
-/// A fix at its own moment, if it is whole.
-fn whole(fix: &GnssFix, [latency_s, position_before_s]: [f64; 2]) -> Option<Point> {
+/// A fix at its time less latency, if it has position and velocity.
+fn fix_point(fix: &GnssFix, [latency_s, position_delay_s]: [f64; 2]) -> Option<Point> {
     Some(Point {
         time: fix.time.plus_seconds(-latency_s),
         position: fix.geodetic_or(0.0)?,
-        position_before_s,
+        position_delay_s,
         velocity_en_mps: fix.velocity_en_mps?,
     })
 }
 
-/// Beginnings of outages at whole strides, with GNSS before and a reference to the end.
+/// Starts of outages at whole strides, with a fix before and a reference at the end.
 fn starts(log: &Log, first: Time, reference: &[Point]) -> Vec<Time> {
-    let fresh = |start: Time| {
+    let has_fix = |start: Time| {
         let before = &log.gnss[..log.gnss.partition_point(|fix| fix.time < start)];
         let last = before.iter().rfind(|fix| fix.velocity_en_mps.is_some());
-        last.is_some_and(|fix| start.seconds_since(fix.time) < FRESH_S)
+        last.is_some_and(|fix| start.seconds_since(fix.time) < FIX_AGE_S)
     };
-    let reaches = |end: Time| {
+    let has_reference = |end: Time| {
         let until = &reference[..reference.partition_point(|point| point.time <= end)];
         until
             .last()
-            .is_some_and(|point| end.seconds_since(point.time) < LATE_S)
+            .is_some_and(|point| end.seconds_since(point.time) < REFERENCE_AGE_S)
     };
     let last = log.imu.last().map_or(first, |sample| sample.time);
     let next = |start: &Time| Some(start.plus_seconds(STRIDE_S));
     std::iter::successors(Some(first), next)
         .take_while(|start| start.plus_seconds(OUTAGE_S) <= last)
-        .filter(|start| fresh(*start) && reaches(start.plus_seconds(OUTAGE_S)))
+        .filter(|start| has_fix(*start) && has_reference(start.plus_seconds(OUTAGE_S)))
         .collect()
 }

@@ -1,4 +1,4 @@
-//! The published filter fusion-nav, in its own axes and types.
+//! The published filter fusion-nav, converted to its axes and types.
 #![allow(clippy::cast_possible_truncation, reason = "fusion-nav takes f32")]
 
 use std::collections::VecDeque;
@@ -16,29 +16,29 @@ use nalgebra::{Quaternion as Algebraic, Unit, UnitQuaternion, Vector3};
 
 use super::ins::Ins;
 use crate::compare::kalman::filter::Start;
-use crate::compare::kalman::{Noise, Part};
+use crate::compare::kalman::{Kind, Noise};
 
-/// Stamps of fusion-nav cannot be negative: this much later, us.
-const LATER_US: i64 = 1_000_000_000;
-/// Its covariance takes no smaller spread of a gyro bias, rad/s.
-const LEAST_GYRO_RADPS: f32 = 1e-4;
+/// Stamps of fusion-nav cannot be negative: this is added, us.
+const EPOCH_OFFSET_US: i64 = 1_000_000_000;
+/// Its covariance accepts no smaller sigma of a gyro bias, rad/s.
+const LEAST_GYRO_SIGMA_RADPS: f32 = 1e-4;
 
 /// Right-forward-up to forward-right-down and east-north-up to north-east-down, and back.
-fn swapped(v: &Vector3<f64>) -> [f32; 3] {
+fn to_ned(v: &Vector3<f64>) -> [f32; 3] {
     [v.y as f32, v.x as f32, -v.z as f32]
 }
 
-fn swapped_back([x, y, z]: [f32; 3]) -> Vector3<f64> {
+fn from_ned([x, y, z]: [f32; 3]) -> Vector3<f64> {
     Vector3::new(f64::from(y), f64::from(x), -f64::from(z))
 }
 
 fn timestamp(time: Time) -> Timestamp {
-    Timestamp::from_micros(u64::try_from(time.as_micros() + LATER_US).unwrap_or_default())
+    Timestamp::from_micros(u64::try_from(time.as_micros() + EPOCH_OFFSET_US).unwrap_or_default())
 }
 
-/// The filter as configured by default, but for what its documentation tells a car to set: the
-/// gravity of the place, and no position hold. It starts from the core's alignment, and is told
-/// the latency that the core finds, which it cannot estimate.
+/// The filter in its default configuration, except what its documentation recommends for a car: local
+/// gravity, and no position hold. It starts from the core's alignment, with the latency that the core
+/// estimates, which it cannot.
 #[derive(Clone, Debug)]
 pub(super) struct Peer {
     noise: Noise,
@@ -59,8 +59,8 @@ struct Filtering {
     filter: Eskf,
     origin: LocalOrigin,
     now: Time,
-    /// Fixes whose moment lies ahead.
-    ahead: VecDeque<GnssFix>,
+    /// Fixes whose time less latency is still to come.
+    pending: VecDeque<GnssFix>,
 }
 
 impl Peer {
@@ -98,12 +98,12 @@ impl Ins for Peer {
                     let seconds = interval.seconds;
                     let _ = filtering.filter.predict(Sample::from_rates(
                         timestamp(sample.time),
-                        AngularRate::from_array(swapped(&(interval.rotation_rad() / seconds))),
-                        Acceleration::from_array(swapped(&(interval.force_mps / seconds))),
+                        AngularRate::from_array(to_ned(&(interval.rotation_rad() / seconds))),
+                        Acceleration::from_array(to_ned(&(interval.force_mps / seconds))),
                         Seconds::from_secs(seconds as f32),
                     ));
                     filtering.now = sample.time;
-                    filtering.fuse_passed(self.latency_s, &self.noise);
+                    filtering.fuse_due(self.latency_s, &self.noise);
                 }
             }
         }
@@ -115,8 +115,8 @@ impl Ins for Peer {
                 let _ = navigator.on_gnss(fix);
             }
             Mode::Filtering(filtering) => {
-                filtering.ahead.push_back(*fix);
-                filtering.fuse_passed(self.latency_s, &self.noise);
+                filtering.pending.push_back(*fix);
+                filtering.fuse_due(self.latency_s, &self.noise);
             }
         }
     }
@@ -136,7 +136,7 @@ impl Ins for Peer {
                 longitude_rad: place.longitude_rad(),
                 height_m: place.height(),
             },
-            velocity_enu_mps: swapped_back(state.velocity.to_array()),
+            velocity_enu_mps: from_ned(state.velocity.to_array()),
             attitude: Unit::new_normalize(Algebraic::new(w, y, x, -z)),
         })
     }
@@ -158,15 +158,15 @@ impl Filtering {
         .ok()?;
         let state = State {
             attitude: attitude(&start.ins.attitude),
-            velocity: Velocity::from_array(swapped(&start.ins.velocity_enu_mps)),
-            gyro_bias: AngularRate::from_array(swapped(&start.gyro_bias_radps)),
+            velocity: Velocity::from_array(to_ned(&start.ins.velocity_enu_mps)),
+            gyro_bias: AngularRate::from_array(to_ned(&start.gyro_bias_radps)),
             ..State::default()
         };
         let heading = start.heading_sigma_rad as f32;
         let accel = noise.sensors.accel_bias_mps2 as f32;
         let [gx, gy, gz] = start
             .gyro_bias_sigma_radps
-            .map(|sigma| (sigma as f32).max(LEAST_GYRO_RADPS));
+            .map(|sigma| (sigma as f32).max(LEAST_GYRO_SIGMA_RADPS));
         let sigmas = [
             5.0, 5.0, 5.0, 1.0, 1.0, 1.0, 0.05, 0.05, heading, accel, accel, accel, gy, gx, gz,
         ];
@@ -181,49 +181,49 @@ impl Filtering {
             filter,
             origin: LocalOrigin::new(place)?,
             now: start.time,
-            ahead: VecDeque::new(),
+            pending: VecDeque::new(),
         })
     }
 
-    fn fuse_passed(&mut self, latency_s: f64, noise: &Noise) {
-        while let Some(fix) = self.ahead.front().copied() {
-            let moment = fix.time.plus_seconds(-latency_s);
-            if moment > self.now {
+    fn fuse_due(&mut self, latency_s: f64, noise: &Noise) {
+        while let Some(fix) = self.pending.front().copied() {
+            let valid = fix.time.plus_seconds(-latency_s);
+            if valid > self.now {
                 return;
             }
-            self.ahead.pop_front();
-            self.fuse(&fix, timestamp(moment), noise);
+            self.pending.pop_front();
+            self.fuse(&fix, timestamp(valid), noise);
         }
     }
 
-    fn fuse(&mut self, fix: &GnssFix, moment: Timestamp, noise: &Noise) {
+    fn fuse(&mut self, fix: &GnssFix, valid: Timestamp, noise: &Noise) {
         if let Some(p) = fix.geodetic_or(0.0) {
             let place = Place::from_radians(p.latitude_rad, p.longitude_rad, p.height_m);
-            let level = noise.total_of(Part::Position, fix);
-            // A receiver without a height: one that says nothing of it.
+            let level = noise.total_sigma(Kind::Position, fix);
+            // Without a height: a sigma that makes it negligible.
             let up = if fix.height_m.is_some() {
-                noise.total_of(Part::Height, fix)
+                noise.total_sigma(Kind::Height, fix)
             } else {
                 1e6
             };
             let _ = self.filter.fuse_gnss_position(
-                moment,
+                valid,
                 self.origin.to_ned(place),
                 PositionNoise::horizontal_vertical(level as f32, up as f32),
                 Position::zero(),
             );
         }
         if fix.velocity_en_mps.is_some() {
-            let level = noise.total_of(Part::Velocity, fix);
-            // A receiver without vertical velocity: one that says nothing.
+            let level = noise.total_sigma(Kind::Velocity, fix);
+            // Likewise without vertical velocity.
             let up = if fix.velocity_up_mps.is_some() {
-                noise.total_of(Part::VelocityUp, fix)
+                noise.total_sigma(Kind::VelocityUp, fix)
             } else {
                 1e3
             };
             let _ = self.filter.fuse_gnss_velocity(
-                moment,
-                Velocity::from_array(swapped(&fix.velocity_enu_mps())),
+                valid,
+                Velocity::from_array(to_ned(&fix.velocity_enu_mps())),
                 VelocityNoise::horizontal_vertical(level as f32, up as f32),
                 Position::zero(),
             );
@@ -231,7 +231,7 @@ impl Filtering {
     }
 }
 
-/// The axes of the rotation change places like any vector.
+/// The vector part of the quaternion is converted like any vector.
 fn attitude(q: &UnitQuaternion<f64>) -> Attitude {
     Attitude::from_body_to_ned(Quaternion {
         w: q.w as f32,

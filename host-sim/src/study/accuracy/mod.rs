@@ -237,7 +237,7 @@ impl Study {
     }
 
     fn told(&self, factor: f64) -> Noise {
-        let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
+        let mut noise = Noise::of_model(&self.grade.errors()).scaled(factor);
         if !self.kalman_positions {
             noise.gnss.position_m = config::Noise::white(NO_POSITION_M);
         }
@@ -287,7 +287,7 @@ fn core_finds(core: &Core) -> Option<(Estimates, f64)> {
 
 fn kalman_finds(kalman: &Kalman) -> Option<(Estimates, f64)> {
     let filter = kalman.run.filter()?;
-    Some((filter.estimates(), filter.known.ins.heading_rad()))
+    Some((filter.estimates(), filter.nominal.ins.heading_rad()))
 }
 
 /// Every estimate against its truth at that moment; the azimuth is what is left in a heading.

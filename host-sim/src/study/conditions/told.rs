@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::World;
 use crate::compare::kalman::Noise;
-use crate::compare::kalman::noise::tell_of_fixes;
+use crate::compare::kalman::noise::gnss_config_of_model;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::sim::SimulatedDrive;
 use crate::sim::errors::GnssModel;
@@ -70,7 +70,7 @@ pub fn noise(world: &World, config: &Config) -> Noise {
 /// What the core is told of the receiver by a user who has its true noise, and knows whether it
 /// smooths, and delays velocities and positions apart.
 pub fn of_receiver(world: &World, config: Config) -> Config {
-    let mut gnss = tell_of_fixes(&world.errors.gnss, config.gnss);
+    let mut gnss = gnss_config_of_model(&world.errors.gnss, config.gnss);
     let habits = &world.errors.gnss.habits;
     let smooths = habits.smoothing_s > 0.0;
     if !smooths {

@@ -10,7 +10,7 @@ use super::wander::Wander;
 use crate::compare::five_stage;
 use crate::compare::kalman::Noise;
 use crate::compare::measure::{COMPARED, columns};
-use crate::compare::outage::Course;
+use crate::compare::outage::OutagePlan;
 use crate::compare::tracks::{self, Input};
 use crate::identify::configure;
 use crate::identify::halves::{self, Difference};
@@ -181,7 +181,7 @@ impl LogStudy {
 /// A log with all that its tests need.
 struct Bench<'a> {
     input: Input<'a>,
-    course: Option<Course<'a>>,
+    outage_plan: Option<OutagePlan<'a>>,
 }
 
 impl<'a> Bench<'a> {
@@ -194,7 +194,7 @@ impl<'a> Bench<'a> {
                 noise: Noise::of_config(&config),
                 truth: None,
             },
-            course: Course::new(log, false, config)?,
+            outage_plan: OutagePlan::new(log, false, config)?,
         })
     }
 
@@ -205,11 +205,11 @@ impl<'a> Bench<'a> {
     }
 
     fn outages(&self) -> Result<Option<Outages>, ConfigError> {
-        let Some(course) = &self.course else {
+        let Some(plan) = &self.outage_plan else {
             return Ok(None);
         };
         let Input { config, noise, .. } = self.input;
-        let navigators = course.navigators(config, noise)?;
+        let navigators = plan.navigators(config, noise)?;
         Ok(navigators.map(|navigators| Outages {
             count: navigators[0].count,
             core_m: navigators[0].position_rms_m,
@@ -238,8 +238,8 @@ impl<'a> Bench<'a> {
         let Some(theirs) = self.end(&tracks::points(&found.history, &found.end)) else {
             return Ok(None);
         };
-        let course = self.course.as_ref();
-        let drifts = course.map(|course| course.core(config)).transpose()?;
+        let plan = self.outage_plan.as_ref();
+        let drifts = plan.map(|plan| plan.core(config)).transpose()?;
         Ok(Some(Without {
             parameter,
             agreement: Agreement::new(parameter, ours, &theirs),

@@ -1,4 +1,4 @@
-//! The INS and what is taken out of its readings, less all that was found.
+//! Nominal state of the error-state filter: INS, sensor and receiver parameters, as corrected so far.
 
 use ins_core::attitude::matrix;
 use ins_core::earth::GRAVITY_EQUATOR_MPS2;
@@ -7,20 +7,20 @@ use ins_core::mechanization::Mechanization;
 use ins_core::{Estimate, Estimates, Observability, Solution, Time};
 use nalgebra::Vector3;
 
-use super::{Layout, Noise, Part, StateMatrix, States, index, sigmas};
+use super::{Kind, Layout, Noise, StateMatrix, States, index, sigmas};
 
-/// As in the core, a parameter counts as observed below this part of its spread at the start; the
-/// azimuth of that of a heading known to 0.1 rad.
-const OBSERVED: f64 = 0.33;
+/// Ratio of a parameter's sigma to its initial one below which it counts as observed, as in the core; and
+/// the initial one of the azimuth.
+const OBSERVED_RATIO: f64 = 0.33;
 const AZIMUTH_RAD: f64 = 0.1;
 
-/// The INS and what is taken out of its readings and stamps, and of fixes.
+/// The INS, and corrections of its readings, of stamps and of fixes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Known {
+pub struct Nominal {
     pub ins: Mechanization,
     pub accel_bias_mps2: Vector3<f64>,
     pub gyro_bias_radps: Vector3<f64>,
-    /// A fix stamped t shows the motion at t minus this, s.
+    /// A fix stamped t measures the motion at t minus this, s.
     pub latency_s: f64,
     /// Growth of the latency, s/s.
     pub clock_drift: f64,
@@ -28,12 +28,12 @@ pub struct Known {
     pub lever_arm_m: Vector3<f64>,
     pub accel_scale: Vector3<f64>,
     pub gyro_scale: Vector3<f64>,
-    /// Coloured noise that is now in the position and in the velocity of fixes, ENU, m and m/s.
-    pub colour: [Vector3<f64>; 2],
+    /// Estimated coloured noise of the position and of the velocity of fixes, ENU, m and m/s.
+    pub coloured: [Vector3<f64>; 2],
 }
 
-impl Known {
-    /// Nothing but the INS and the gyro biases of its alignment.
+impl Nominal {
+    /// INS and gyro biases from the alignment.
     pub(super) fn new(ins: Mechanization, gyro_bias_radps: Vector3<f64>, noise: &Noise) -> Self {
         Self {
             ins,
@@ -44,13 +44,13 @@ impl Known {
             lever_arm_m: noise.gnss.lever_arm_m.into(),
             accel_scale: Vector3::zeros(),
             gyro_scale: Vector3::zeros(),
-            colour: [Vector3::zeros(); 2],
+            coloured: [Vector3::zeros(); 2],
         }
     }
 
-    pub(super) fn corrected(&self, raw: &Interval) -> Interval {
-        // Exactly undone: what gravity makes of the square of a scale error is more than there is
-        // doubt of the upright accelerometer.
+    pub(super) fn compensated(&self, raw: &Interval) -> Interval {
+        // Divided exactly: the square of a scale error times gravity exceeds the sigma of the z
+        // accelerometer.
         let mut interval = raw.without_bias(&self.gyro_bias_radps, &self.accel_bias_mps2);
         let of = |scale: Vector3<f64>| scale.add_scalar(1.0);
         (interval.angle_rad).component_div_assign(&of(self.gyro_scale));
@@ -58,22 +58,22 @@ impl Known {
         interval
     }
 
-    pub(super) fn colour(&self, part: Part) -> &Vector3<f64> {
-        &self.colour[usize::from(part.is_velocity())]
+    pub(super) fn coloured(&self, kind: Kind) -> &Vector3<f64> {
+        &self.coloured[usize::from(kind.is_velocity())]
     }
 
-    /// Lets coloured noise fade, and the latency grow.
-    pub(super) fn age(&mut self, seconds: f64, noise: &Noise) {
+    /// Time update of coloured noise and latency.
+    pub(super) fn propagate(&mut self, seconds: f64, noise: &Noise) {
         self.latency_s += self.clock_drift * seconds;
-        for part in Part::ALL {
-            let kept = noise.kept(part, seconds);
-            for axis in part.axes() {
-                self.colour[usize::from(part.is_velocity())][axis] *= kept;
+        for kind in Kind::ALL {
+            let factor = noise.correlation(kind, seconds);
+            for axis in kind.axes() {
+                self.coloured[usize::from(kind.is_velocity())][axis] *= factor;
             }
         }
     }
 
-    pub(super) fn less(mut self, errors: &States, layout: &Layout) -> Self {
+    pub(super) fn corrected_by(mut self, errors: &States, layout: &Layout) -> Self {
         let three = |at: usize| errors.fixed_rows::<3>(at).into_owned();
         let optional = |at: Option<usize>| at.map_or_else(Vector3::zeros, three);
         let earth = self.ins.local_earth();
@@ -87,18 +87,17 @@ impl Known {
         self.lever_arm_m += optional(layout.lever_arm);
         self.accel_scale += optional(layout.accel_scale);
         self.gyro_scale += optional(layout.gyro_scale);
-        for part in Part::ALL {
-            for (axis, state) in part.axes().zip(layout.colour(part)) {
-                self.colour[usize::from(part.is_velocity())][axis] += errors[state];
+        for kind in Kind::ALL {
+            for (axis, state) in kind.axes().zip(layout.coloured(kind)) {
+                self.coloured[usize::from(kind.is_velocity())][axis] += errors[state];
             }
         }
         self
     }
 
-    /// In the core's terms, with the spreads of all errors. The azimuth error is what is left: the
-    /// filter takes out all that it finds. The upright accelerometer is said to err by what it
-    /// does at the attitude of now: its scale error on gravity is a bias. The latency is the mean
-    /// of a run of `run_s`, as the core's.
+    /// In the terms of the core, with sigmas. The azimuth error is the remaining one, zero: the filter
+    /// corrects the INS by all that it estimates. The bias of the z accelerometer includes its scale error
+    /// on gravity at the current attitude. The latency is the mean over a run of `run_s`, as the core's.
     pub(super) fn estimates(
         &self,
         covariance: &StateMatrix,
@@ -107,7 +106,7 @@ impl Known {
         noise: &Noise,
     ) -> Estimates {
         let sigma = sigmas(covariance);
-        let estimate = |value: f64, at: usize, start: f64| told(value, sigma[at], start);
+        let estimate = |value: f64, at: usize, start: f64| estimate_of(value, sigma[at], start);
         let three = |values: Vector3<f64>, at: usize, start: f64| {
             [0, 1, 2].map(|axis| estimate(values[axis], at + axis, start))
         };
@@ -120,7 +119,7 @@ impl Known {
             gnss_latency_s: estimate(self.latency_s, index::LATENCY, gnss.latency_sigma_s),
             ..Estimates::default()
         };
-        estimates.accel_bias_mps2[2] = self.upright(covariance, layout, noise);
+        estimates.accel_bias_mps2[2] = self.z_accel_bias(covariance, layout, noise);
         estimates.gnss_latency_now_s = estimates.gnss_latency_s;
         if let Some(at) = layout.clock_drift {
             estimates.clock_drift = estimate(self.clock_drift, at, gnss.clock_drift_sigma);
@@ -128,7 +127,7 @@ impl Known {
             let variance = covariance[(latency, latency)]
                 - 2.0 * back_s * covariance[(latency, at)]
                 + back_s * back_s * covariance[(at, at)];
-            estimates.gnss_latency_s = told(
+            estimates.gnss_latency_s = estimate_of(
                 self.latency_s - back_s * self.clock_drift,
                 variance.max(0.0).sqrt(),
                 gnss.latency_sigma_s,
@@ -140,8 +139,8 @@ impl Known {
         estimates
     }
 
-    /// Error of the upright accelerometer at rest at the attitude of now.
-    fn upright(&self, covariance: &StateMatrix, layout: &Layout, noise: &Noise) -> Estimate {
+    /// Error of the z accelerometer at rest at the current attitude.
+    fn z_accel_bias(&self, covariance: &StateMatrix, layout: &Layout, noise: &Noise) -> Estimate {
         let bias = index::ACCEL + 2;
         let gravity = GRAVITY_EQUATOR_MPS2 * matrix(&self.ins.attitude).m33;
         let (mut variance, start) = (
@@ -156,7 +155,7 @@ impl Known {
                 + gravity * gravity * covariance[(scale, scale)];
         }
         let value = self.accel_bias_mps2.z + gravity * self.accel_scale.z;
-        told(value, variance.max(0.0).sqrt(), start)
+        estimate_of(value, variance.max(0.0).sqrt(), start)
     }
 
     pub fn solution(&self, time: Time) -> Solution {
@@ -169,11 +168,11 @@ impl Known {
     }
 }
 
-fn told(value: f64, sigma: f64, start: f64) -> Estimate {
+fn estimate_of(value: f64, sigma: f64, start: f64) -> Estimate {
     Estimate {
         value,
         sigma,
-        observability: if sigma < OBSERVED * start {
+        observability: if sigma < OBSERVED_RATIO * start {
             Observability::Observable
         } else {
             Observability::NeedsTime
