@@ -1,8 +1,8 @@
 //! What every vehicle owes the sensors, proved of each, and what each is for.
 
 use host_sim::sim::Motion;
-use host_sim::sim::car::{Car, Way};
-use host_sim::sim::motion::{Kinematics, Mounted, Shaken, Swing, When};
+use host_sim::sim::car::{Car, RouteBounds};
+use host_sim::sim::motion::{Envelope, Harmonic, Kinematics, Mounted, Oscillating};
 use host_sim::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -18,7 +18,7 @@ fn boat() -> Boat {
 }
 
 fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
-    let swings = [Swing {
+    let swings = [Harmonic {
         hz: 2.0,
         velocity_mps: [0.1, 0.2, 0.3],
         rotation_rad: [0.05, 0.08, 0.02],
@@ -26,11 +26,11 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
     let mount = UnitQuaternion::from_scaled_axis(Vector3::new(0.5, -1.2, 2.0));
     let (air, ground) = (Begin::InFlight, Begin::OnGround);
     let walker = || Walker::new(7, DURATION_S, 20.0);
-    let way = Way {
+    let way = RouteBounds {
         stop_s: Some([5.0, 10.0]),
-        roll_rad_per_mps2: Way::BALANCED,
+        roll_rad_per_mps2: RouteBounds::BALANCED,
         steep: 3.0,
-        ..Way::ROAD
+        ..RouteBounds::ROAD
     };
     let car = || Car::new(3, DURATION_S, Some([30.0, 60.0])).leaning(2.0);
     vec![
@@ -49,18 +49,23 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
         ),
         (
             "walker",
-            Box::new(Shaken::new(walker(), &swings, When::Moving(0.4), 1)),
+            Box::new(Oscillating::new(
+                walker(),
+                &swings,
+                Envelope::Moving(0.4),
+                1,
+            )),
         ),
         (
             "car",
-            Box::new(Shaken::new(car(), &swings, When::Standing(3.0), 2)),
+            Box::new(Oscillating::new(car(), &swings, Envelope::Standing(3.0), 2)),
         ),
         ("leaning", Box::new(car())),
-        ("way", Box::new(Car::on_way(4, DURATION_S, &way))),
+        ("way", Box::new(Car::on_route(4, DURATION_S, &way))),
         (
             "mounted",
             Box::new(Mounted::new(
-                Shaken::new(boat(), &swings, When::Always, 3),
+                Oscillating::new(boat(), &swings, Envelope::Always, 3),
                 mount,
             )),
         ),

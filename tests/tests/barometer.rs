@@ -6,7 +6,7 @@ use host_sim::identify::configure;
 use host_sim::identify::run::{Event, in_order_of_time};
 use host_sim::log::{Grade, import};
 use host_sim::sim::barometer::BarometerModel;
-use host_sim::sim::car::{Car, Way};
+use host_sim::sim::car::{Car, RouteBounds};
 use host_sim::sim::{DriveConfig, SimulatedDrive, record};
 use host_sim::study::accuracy::config_of;
 use ins_core::{BaroHeight, GnssOutcome, Navigator, Phase, Time};
@@ -19,11 +19,11 @@ const OUTAGE_S: std::ops::Range<f64> = 360.0..540.0;
 static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
     let mut config = DriveConfig::new(5, Grade::Mems, END_S / 60.0).recording;
     config.errors.barometer = Some(BarometerModel::ON_BOARD);
-    let way = Way {
+    let way = RouteBounds {
         steep: 2.0,
-        ..Way::ROAD
+        ..RouteBounds::ROAD
     };
-    record(Car::on_way(config.seed, END_S, &way), &config)
+    record(Car::on_route(config.seed, END_S, &way), &config)
 });
 
 /// Fixes that come so late, none in the outage, and heights as they are read; `each` sees the navigator

@@ -16,7 +16,7 @@ use super::trajectory::{Node, Segment, euler};
 use super::trim::Condition;
 use super::wind::AirMass;
 use crate::sim::ideal::displaced;
-use crate::sim::motion::swung;
+use crate::sim::motion::superposed;
 use crate::sim::{Kinematics, Motion};
 
 /// Steps per guidance update.
@@ -387,5 +387,5 @@ fn with_vibration(k: &Kinematics, lines: &[Line], crank: &Crank) -> Kinematics {
             rate[axis] += line.rotation_rad[axis] * omega * cos;
         }
     }
-    swung(k, [velocity, acceleration], [rotation, rate])
+    superposed(k, [velocity, acceleration], [rotation, rate])
 }

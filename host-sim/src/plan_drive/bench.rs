@@ -15,8 +15,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::manoeuvre::{Driver, Manoeuvre, Site};
 use super::target::Target;
 use crate::identify::analysis::unusable;
-use crate::sim::car::{Car, Course};
-use crate::sim::drive::{Recorder, Recording, ten_a_second};
+use crate::sim::car::{Car, DriveProfile};
+use crate::sim::drive::{Recorder, Recording, truth_stride};
 use crate::sim::gnss::arrivals;
 use crate::sim::ideal::IdealSensors;
 use crate::sim::motion::Mounted;
@@ -26,7 +26,7 @@ use crate::sim::{ErrorModel, SensorErrors};
 /// One unit and whoever drives it.
 #[derive(Clone, Debug)]
 pub struct Bench {
-    course: Course,
+    course: DriveProfile,
     driver: Driver,
     mount: UnitQuaternion<f64>,
     recorder: Recorder,
@@ -56,7 +56,7 @@ impl Bench {
             seed,
             duration_s: 0.0,
             imu_hz: target.unit.imu_hz,
-            truth_every: ten_a_second(target.unit.imu_hz),
+            truth_every: truth_stride(target.unit.imu_hz),
             origin: Geodetic {
                 latitude_rad: 50.0_f64.to_radians(),
                 longitude_rad: 10.0_f64.to_radians(),
@@ -64,7 +64,7 @@ impl Bench {
             },
             errors: model.clone(),
         };
-        let course = Course::new(0.0, driver.heading_rad());
+        let course = DriveProfile::new(0.0, driver.heading_rad());
         let mut bench = Self::begin(course, driver, target.unit.mount(), recording, config)?;
         if let Some(sigma_deg) = model.given_heading_sigma_deg {
             let error = Random::stream(seed, "given heading").normal() * sigma_deg.to_radians();
@@ -113,11 +113,11 @@ impl Bench {
             seed,
             duration_s: 0.0,
             imu_hz,
-            truth_every: ten_a_second(imu_hz),
+            truth_every: truth_stride(imu_hz),
             origin: end.position,
             errors: without_drawn_errors(model, &known),
         };
-        let course = Course::new(speed_mps, heading_rad);
+        let course = DriveProfile::new(speed_mps, heading_rad);
         let mount = vehicle.inverse() * end.attitude;
         let config = *navigator.config();
         let mut bench = Self::begin(course, driver, mount, recording, config)?;
@@ -130,13 +130,13 @@ impl Bench {
     }
 
     fn begin(
-        course: Course,
+        course: DriveProfile,
         driver: Driver,
         mount: UnitQuaternion<f64>,
         recording: Recording,
         config: Config,
     ) -> Result<Self> {
-        let motion = Mounted::new(Car::driven(course.clone()), mount);
+        let motion = Mounted::new(Car::on_profile(course.clone()), mount);
         let sensors = IdealSensors::new(motion, recording.origin, Time::default());
         Ok(Self {
             course,
@@ -176,10 +176,10 @@ impl Bench {
 
     pub fn drive(&mut self, manoeuvre: Manoeuvre, site: &Site) {
         manoeuvre.drive(&mut self.course, site, &mut self.driver);
-        let motion = Mounted::new(Car::driven(self.course.clone()), self.mount);
+        let motion = Mounted::new(Car::on_profile(self.course.clone()), self.mount);
         let mut sensors = IdealSensors::new(motion, self.last.position, self.last.time);
         let end = Time::default().plus_seconds(self.course.now_s);
-        self.recorder.go_on(&mut sensors, end);
+        self.recorder.record_until(&mut sensors, end);
         self.last = sensors.state().solution;
         self.listen();
     }

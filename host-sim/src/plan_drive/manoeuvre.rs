@@ -5,7 +5,7 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use crate::sim::car::Course;
+use crate::sim::car::DriveProfile;
 use crate::sim::noise::Random;
 
 /// A minute or so of driving, from whatever speed the last one has left.
@@ -110,7 +110,7 @@ impl Manoeuvre {
         }
     }
 
-    pub(crate) fn drive(self, course: &mut Course, site: &Site, driver: &mut Driver) {
+    pub(crate) fn drive(self, course: &mut DriveProfile, site: &Site, driver: &mut Driver) {
         let mut lay = Laying {
             course,
             site,
@@ -244,7 +244,7 @@ impl Driver {
 }
 
 struct Laying<'a> {
-    course: &'a mut Course,
+    course: &'a mut DriveProfile,
     site: &'a Site,
     driver: &'a mut Driver,
 }

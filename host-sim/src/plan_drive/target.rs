@@ -17,7 +17,7 @@ use crate::aircraft::input::{InputError, Source, error_model, read_text};
 use crate::identify::configure::config_of;
 use crate::log::{BodyAxes, Grade};
 use crate::sim::ErrorModel;
-use crate::sim::errors::set;
+use crate::sim::errors::merge;
 
 const EXAMPLE: &str = "host-sim/targets/drive_target.toml";
 
@@ -264,7 +264,7 @@ impl Target {
             )
         };
         let mut table = toml::Table::try_from(config).map_err(|error| refused(&error))?;
-        set(&mut table, &self.config);
+        merge(&mut table, &self.config);
         let read: Config = (table.try_into()).map_err(|e: toml::de::Error| refused(&e))?;
         let known = toml::Table::try_from(read).map_err(|error| refused(&error))?;
         match unknown(&self.config, &known) {

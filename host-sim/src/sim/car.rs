@@ -10,13 +10,13 @@ use super::noise::Random;
 use super::profile::Profile;
 use crate::log::GRAVITY_MPS2;
 
-/// How the car leans: nose up while it gains speed, outwards in a turn. Typical of a family car
+/// Pitch, nose up, by acceleration, and roll, outwards, by lateral acceleration. Typical of a family car
 /// (1.5 and 4 degrees per g).
 const PITCH_RAD_PER_MPS2: f64 = 0.0027;
 const ROLL_RAD_PER_MPS2: f64 = 0.007;
 
-/// Bounds between which the driver chooses.
-mod habits {
+/// Bounds between which the driver's choices are drawn.
+mod limits {
     pub const ACCELERATION_MPS2: [f64; 2] = [1.5, 2.5];
     pub const PEDAL_S: [f64; 2] = [0.8, 1.4];
     pub const CRUISE_MPS: [f64; 2] = [9.0, 20.0];
@@ -34,7 +34,7 @@ mod habits {
     pub const STRAIGHT_S: [f64; 2] = [25.0, 60.0];
     pub const LANE_RAD: [f64; 2] = [0.02, 0.05];
     pub const STEERING_S: [f64; 2] = [1.0, 1.6];
-    /// How long before the end of one manoeuvre the next begins.
+    /// Overlap of consecutive manoeuvres.
     pub const OVERLAP_S: f64 = 0.4;
     pub const GRADE_RAD: [f64; 2] = [-0.04, 0.04];
     pub const GRADE_PER_M: f64 = 8e-4;
@@ -42,24 +42,24 @@ mod habits {
     pub const SLOPE_LENGTH_M: [f64; 2] = [100.0, 500.0];
 }
 
-/// A way of straights and turns, alike from end to end: bounds of what there is.
+/// Bounds of a route of straights and turns, the same over its whole length.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
+pub struct RouteBounds {
     pub rest_s: [f64; 2],
     pub speed_mps: [f64; 2],
     pub straight_s: [f64; 2],
     /// Stops at the ends of straights, s, where there are any.
     pub stop_s: Option<[f64; 2]>,
     pub turn_rad: [f64; 2],
-    /// Acceleration across in them, m/s^2.
+    /// Lateral acceleration in turns, m/s^2.
     pub lateral_mps2: [f64; 2],
-    /// How far it leans inwards for that, rad/(m/s^2).
+    /// Roll, inwards, by that, rad/(m/s^2).
     pub roll_rad_per_mps2: f64,
-    /// So many times as steep as roads for cars are: 4 % at most.
+    /// Factor on the grade of roads for cars, which is 4 % at most.
     pub steep: f64,
 }
 
-impl Way {
+impl RouteBounds {
     /// A family car on country roads.
     pub const ROAD: Self = Self {
         rest_s: [30.0, 60.0],
@@ -71,7 +71,7 @@ impl Way {
         roll_rad_per_mps2: -ROLL_RAD_PER_MPS2,
         steep: 1.0,
     };
-    /// What balances leans until the force is along its up axis.
+    /// Roll of vehicles that balance: the specific force is along their up axis.
     pub const BALANCED: f64 = 1.0 / GRAVITY_MPS2;
 }
 
@@ -96,15 +96,15 @@ impl Car {
         Self::on_road(driver, seed, duration_s, 1.0)
     }
 
-    /// At least `duration_s` of a way, chosen by `seed`.
-    pub fn on_way(seed: u64, duration_s: f64, way: &Way) -> Self {
-        let mut driver = Driver::new(seed, Some(way.rest_s));
+    /// At least `duration_s` of a route, chosen by `seed`.
+    pub fn on_route(seed: u64, duration_s: f64, bounds: &RouteBounds) -> Self {
+        let mut driver = Driver::new(seed, Some(bounds.rest_s));
         while driver.course.now_s < duration_s {
-            driver.stretch(way);
+            driver.straight_and_turn(bounds);
         }
         Self {
-            roll_rad_per_mps2: way.roll_rad_per_mps2,
-            ..Self::on_road(driver, seed, duration_s, way.steep)
+            roll_rad_per_mps2: bounds.roll_rad_per_mps2,
+            ..Self::on_road(driver, seed, duration_s, bounds.steep)
         }
     }
 
@@ -113,31 +113,31 @@ impl Car {
     pub fn on_motorway(seed: u64, duration_s: f64) -> Self {
         let mut driver = Driver::new(seed, None);
         driver.course.now_s = 0.0;
-        let ramp = driver.random.uniform(habits::RAMP_RAD) * driver.random.sign();
-        driver.turn(ramp, habits::RAMP_MPS2);
+        let ramp = driver.random.uniform(limits::RAMP_RAD) * driver.random.sign();
+        driver.turn(ramp, limits::RAMP_MPS2);
         while driver.course.now_s < duration_s {
-            let speed = driver.random.uniform(habits::MOTORWAY_MPS);
+            let speed = driver.random.uniform(limits::MOTORWAY_MPS);
             driver.change_speed(speed);
-            driver.course.now_s += driver.random.uniform(habits::STRAIGHT_S);
-            let lane = driver.random.uniform(habits::LANE_RAD) * driver.random.sign();
-            driver.turn(lane, habits::BEND_MPS2);
-            driver.turn(-lane, habits::BEND_MPS2);
-            driver.course.now_s += driver.random.uniform(habits::STRAIGHT_S);
+            driver.course.now_s += driver.random.uniform(limits::STRAIGHT_S);
+            let lane = driver.random.uniform(limits::LANE_RAD) * driver.random.sign();
+            driver.turn(lane, limits::BEND_MPS2);
+            driver.turn(-lane, limits::BEND_MPS2);
+            driver.course.now_s += driver.random.uniform(limits::STRAIGHT_S);
         }
         Self::on_road(driver, seed, duration_s, 1.0)
     }
 
-    /// A drive on a road that is so many times as steep as roads are.
+    /// A drive on a road with a factor on its grade.
     fn on_road(driver: Driver, seed: u64, duration_s: f64, steep: f64) -> Self {
-        let mut car = Self::driven(driver.course);
+        let mut car = Self::on_profile(driver.course);
         let length_m = car.speed.at(duration_s).integral;
         car.grade = road(seed, length_m, steep);
         car
     }
 
-    /// A drive as somebody has laid it down.
-    pub(crate) fn driven(course: Course) -> Self {
-        let Course {
+    /// A given drive.
+    pub(crate) fn on_profile(course: DriveProfile) -> Self {
+        let DriveProfile {
             speed,
             heading,
             grade,
@@ -152,7 +152,7 @@ impl Car {
         }
     }
 
-    /// The same drive in a car that leans so many times as far.
+    /// The same drive in a car with a factor on roll and pitch.
     #[must_use]
     pub fn leaning(self, lean: f64) -> Self {
         Self {
@@ -188,28 +188,28 @@ impl Motion for Car {
 /// Grade along a road of some length.
 fn road(seed: u64, length_m: f64, steep: f64) -> Profile {
     let mut random = Random::stream(seed, "road");
-    let mut profile = Profile::new(steep * random.uniform(habits::GRADE_RAD));
+    let mut profile = Profile::new(steep * random.uniform(limits::GRADE_RAD));
     let mut at_m = 0.0;
     while at_m < length_m {
-        at_m += random.uniform(habits::SLOPE_LENGTH_M);
-        let grade = steep * random.uniform(habits::GRADE_RAD);
-        let rounding_m = random.uniform(habits::GRADE_ROUNDING_M);
-        at_m = profile.step_to(grade, at_m, steep * habits::GRADE_PER_M, rounding_m);
+        at_m += random.uniform(limits::SLOPE_LENGTH_M);
+        let grade = steep * random.uniform(limits::GRADE_RAD);
+        let rounding_m = random.uniform(limits::GRADE_ROUNDING_M);
+        at_m = profile.step_to(grade, at_m, steep * limits::GRADE_PER_M, rounding_m);
     }
     profile
 }
 
-/// What is driven, laid down manoeuvre after manoeuvre.
+/// Speed, heading and grade of a drive, built manoeuvre by manoeuvre.
 #[derive(Clone, Debug)]
-pub(crate) struct Course {
+pub(crate) struct DriveProfile {
     speed: Profile,
     heading: Profile,
     grade: Profile,
-    /// Where it ends so far.
+    /// Its end so far.
     pub(crate) now_s: f64,
 }
 
-impl Course {
+impl DriveProfile {
     /// At a speed in a heading, on a level road.
     pub(crate) fn new(speed_mps: f64, heading_rad: f64) -> Self {
         Self {
@@ -224,22 +224,22 @@ impl Course {
         self.speed.last_value()
     }
 
-    /// Gains or loses speed; the pedal takes its time to go down and up.
+    /// Changes speed; the pedal takes a time to go down and up.
     pub(crate) fn change_speed(&mut self, to_mps: f64, acceleration_mps2: f64, pedal_s: f64) {
         self.now_s = (self.speed).step_to(to_mps, self.now_s, acceleration_mps2, pedal_s);
     }
 
-    /// Turns, clockwise positive, at a rate; the wheel takes its time to come round and back.
+    /// Turns, clockwise positive, at a rate; the steering wheel takes a time to turn and return.
     pub(crate) fn turn(&mut self, angle_rad: f64, rate_radps: f64, steering_s: f64) {
         let heading = self.heading.last_value() + angle_rad;
         self.now_s = (self.heading).step_to(heading, self.now_s, rate_radps, steering_s);
     }
 
-    /// Comes to another grade over a rounding or more, and goes on along it for a length.
+    /// Changes the grade over a transition of `rounding_m` or more, and keeps it for a length.
     pub(crate) fn change_grade(&mut self, to_rad: f64, rounding_m: f64, length_m: f64) {
         let along = self.speed.at(self.now_s);
         let start_m = along.integral;
-        let end_m = (self.grade).step_to(to_rad, start_m, habits::GRADE_PER_M, rounding_m);
+        let end_m = (self.grade).step_to(to_rad, start_m, limits::GRADE_PER_M, rounding_m);
         self.now_s += (end_m + length_m - start_m) / along.value;
     }
 }
@@ -247,7 +247,7 @@ impl Course {
 /// Plans the drive, manoeuvre after manoeuvre.
 struct Driver {
     random: Random,
-    course: Course,
+    course: DriveProfile,
 }
 
 impl Driver {
@@ -257,10 +257,10 @@ impl Driver {
         let speed_mps = if initial_rest_s.is_some() {
             0.0
         } else {
-            random.uniform(habits::CRUISE_MPS)
+            random.uniform(limits::CRUISE_MPS)
         };
-        let mut course = Course::new(speed_mps, heading_rad);
-        course.now_s = random.uniform(initial_rest_s.unwrap_or(habits::CRUISE_S));
+        let mut course = DriveProfile::new(speed_mps, heading_rad);
+        course.now_s = random.uniform(initial_rest_s.unwrap_or(limits::CRUISE_S));
         Self { random, course }
     }
 
@@ -268,64 +268,64 @@ impl Driver {
     fn leg(&mut self) {
         let fast = self.random.chance(0.1);
         let cruise = self.random.uniform(if fast {
-            habits::FAST_MPS
+            limits::FAST_MPS
         } else {
-            habits::CRUISE_MPS
+            limits::CRUISE_MPS
         });
         self.change_speed(cruise);
         self.cruise();
         let choice = self.random.unit();
         if choice < 0.4 {
             self.change_speed(0.0);
-            self.course.now_s += self.random.uniform(habits::STOP_S);
+            self.course.now_s += self.random.uniform(limits::STOP_S);
         } else if choice < 0.9 {
             let u_turn = choice < 0.55;
             let (speeds, degrees) = if u_turn {
-                (habits::U_TURN_MPS, 180.0_f64)
+                (limits::U_TURN_MPS, 180.0_f64)
             } else {
-                (habits::CORNER_MPS, 90.0)
+                (limits::CORNER_MPS, 90.0)
             };
             let corner = self.random.uniform(speeds);
             self.change_speed(corner);
-            self.course.now_s -= habits::OVERLAP_S;
+            self.course.now_s -= limits::OVERLAP_S;
             let angle = degrees.to_radians() * self.random.sign();
-            self.turn(angle, habits::CORNER_MPS2);
-            self.course.now_s -= habits::OVERLAP_S;
+            self.turn(angle, limits::CORNER_MPS2);
+            self.course.now_s -= limits::OVERLAP_S;
         }
     }
 
     /// A straight, a stop if there are any, and a turn.
-    fn stretch(&mut self, way: &Way) {
-        let speed = self.random.uniform(way.speed_mps);
+    fn straight_and_turn(&mut self, bounds: &RouteBounds) {
+        let speed = self.random.uniform(bounds.speed_mps);
         self.change_speed(speed);
-        self.course.now_s += self.random.uniform(way.straight_s);
-        if let Some(stop_s) = way.stop_s {
+        self.course.now_s += self.random.uniform(bounds.straight_s);
+        if let Some(stop_s) = bounds.stop_s {
             self.change_speed(0.0);
             self.course.now_s += self.random.uniform(stop_s);
             self.change_speed(speed);
         }
-        let angle = self.random.uniform(way.turn_rad) * self.random.sign();
-        self.turn(angle, way.lateral_mps2);
+        let angle = self.random.uniform(bounds.turn_rad) * self.random.sign();
+        self.turn(angle, bounds.lateral_mps2);
     }
 
     fn cruise(&mut self) {
-        self.course.now_s += self.random.uniform(habits::CRUISE_S);
+        self.course.now_s += self.random.uniform(limits::CRUISE_S);
         if self.random.chance(0.5) {
-            let angle = self.random.uniform(habits::BEND_RAD) * self.random.sign();
-            self.turn(angle, habits::BEND_MPS2);
-            self.course.now_s += self.random.uniform(habits::CRUISE_S);
+            let angle = self.random.uniform(limits::BEND_RAD) * self.random.sign();
+            self.turn(angle, limits::BEND_MPS2);
+            self.course.now_s += self.random.uniform(limits::CRUISE_S);
         }
     }
 
     fn change_speed(&mut self, to_mps: f64) {
-        let acceleration = self.random.uniform(habits::ACCELERATION_MPS2);
-        let pedal_s = self.random.uniform(habits::PEDAL_S);
+        let acceleration = self.random.uniform(limits::ACCELERATION_MPS2);
+        let pedal_s = self.random.uniform(limits::PEDAL_S);
         self.course.change_speed(to_mps, acceleration, pedal_s);
     }
 
     fn turn(&mut self, angle_rad: f64, lateral_mps2: [f64; 2]) {
         let rate = self.random.uniform(lateral_mps2) / self.course.speed_mps();
-        let steering_s = self.random.uniform(habits::STEERING_S);
+        let steering_s = self.random.uniform(limits::STEERING_S);
         self.course.turn(angle_rad, rate, steering_s);
     }
 }

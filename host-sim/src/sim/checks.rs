@@ -1,4 +1,4 @@
-//! What values of an error model may be.
+//! Checks of the values of an error model.
 
 use serde::Serialize;
 use thiserror::Error;
@@ -22,7 +22,7 @@ pub enum ErrorModelError {
     },
 }
 
-/// Looks at every number of an error model, as it stands in its file.
+/// Checks every number of an error model, by its key in the file.
 pub(super) fn check(model: &impl Serialize) -> Result<(), ErrorModelError> {
     walk("", &Value::try_from(model)?)
 }
@@ -47,19 +47,19 @@ fn walk(path: &str, value: &Value) -> Result<(), ErrorModelError> {
                 _ => Ok(()),
             }
         }
-        Value::Float(number) => number_under(path, *number),
-        Value::Integer(number) => number_under(path, *number as f64),
+        Value::Float(number) => check_number(path, *number),
+        Value::Integer(number) => check_number(path, *number as f64),
         _ => Ok(()),
     }
 }
 
-/// Most are spreads and durations: zero or more.
-fn number_under(path: &str, value: f64) -> Result<(), ErrorModelError> {
+/// Most are sigmas and durations: zero or more.
+fn check_number(path: &str, value: f64) -> Result<(), ErrorModelError> {
     let mut names = path
         .rsplit('.')
         .map(|name| name.split('[').next().unwrap_or(name));
     let [name, table] = [names.next(), names.next()].map(Option::unwrap_or_default);
-    let (holds, expected) = match name {
+    let (is_valid, expected) = match name {
         "jump_mean" | "float" => (value.is_finite(), "a number"),
         "velocity_mps" | "position_m" if table == "off" => (value.is_finite(), "a number"),
         "lever_arm_m" => (value.abs() <= 100.0, "100 m at most"),
@@ -74,16 +74,16 @@ fn number_under(path: &str, value: f64) -> Result<(), ErrorModelError> {
         }
         _ => (value >= 0.0 && value.is_finite(), "zero or more"),
     };
-    ensure(holds, path, value, expected)
+    ensure(is_valid, path, value, expected)
 }
 
 fn ensure(
-    holds: bool,
+    is_valid: bool,
     key: &str,
     value: f64,
     expected: &'static str,
 ) -> Result<(), ErrorModelError> {
-    if holds {
+    if is_valid {
         Ok(())
     } else {
         Err(ErrorModelError::Value {

@@ -1,11 +1,11 @@
-//! Simulated runs: a motion, sensors on it, their errors, and what a logger would have written.
+//! Simulated runs: a motion, sensors with errors, and the log that a logger would have written.
 
 use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
 use ins_core::{BaroHeight, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Matrix3, Vector3};
 
 use super::car::Car;
-use super::errors::{ErrorModel, MOST_JITTER};
+use super::errors::{ErrorModel, MAX_JITTER};
 use super::gnss::{Gnss, arrivals};
 use super::ideal::{IdealSensors, TrueState};
 use super::imu::{Biases, Imu};
@@ -24,24 +24,24 @@ impl Grade {
     }
 }
 
-/// Inertial samples a second, where nothing else is said.
+/// Default rate of inertial samples.
 pub const IMU_HZ: f64 = 100.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// Fixes every random number.
+    /// Seed of all random numbers.
     pub seed: u64,
     pub duration_s: f64,
     pub imu_hz: f64,
-    /// The truth is kept at every so many inertial samples.
+    /// Number of inertial samples per truth record.
     pub truth_every: u32,
     pub origin: Geodetic,
     pub errors: ErrorModel,
 }
 
-/// Every so many samples, for the truth some ten times a second.
+/// Number of inertial samples per truth record for some ten records a second.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-pub(crate) fn ten_a_second(imu_hz: f64) -> u32 {
+pub(crate) fn truth_stride(imu_hz: f64) -> u32 {
     (imu_hz / 10.0).round().max(1.0) as u32
 }
 
@@ -81,7 +81,7 @@ impl DriveConfig {
     }
 }
 
-/// What was recorded, and what it was made of.
+/// What was recorded, with the truth and the errors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedDrive {
     /// As measured, in the output form of the error model.
@@ -89,11 +89,11 @@ pub struct SimulatedDrive {
     pub gnss: Vec<GnssFix>,
     /// When each fix arrives, not before its stamp.
     pub arrivals: Vec<Time>,
-    /// Of the barometer, if there is one, as it reads them.
+    /// Readings of the barometer, if there is one.
     pub baro: Vec<BaroHeight>,
-    /// What really happened, under the stamps of the samples.
+    /// True motion, with the stamps of the samples.
     pub truth: Vec<Solution>,
-    /// At each of the truths.
+    /// At the time of each truth record.
     pub biases: Vec<Biases>,
     pub errors: SensorErrors,
     /// The heading given at the start, with its error, if the model gives one.
@@ -107,7 +107,7 @@ impl SimulatedDrive {
         Some(wrap_pi(self.given_heading_rad? - start))
     }
 
-    /// Its log, to be written in these axes; samples hold what the error model says.
+    /// Its log, to be written in these axes; the samples have the error model's output form.
     pub fn into_log(self, axes: BodyAxes, output: ImuOutput) -> Log {
         Log {
             meta: Meta {
@@ -125,34 +125,33 @@ impl SimulatedDrive {
 /// The errors of one run's sensors, body axes right-forward-up. Biases are measured minus true,
 /// at the end of the run.
 ///
-/// A scale error of the z accelerometer is felt as a bias of scale times g.
+/// A scale error of the z accelerometer acts as a bias of scale times g.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorErrors {
     pub accel_bias_mps2: [f64; 3],
     pub gyro_bias_radps: [f64; 3],
-    /// What accelerometers read beyond the truth in proportion to it: scale errors and
-    /// misalignments.
+    /// Scale errors and misalignments of the accelerometers: errors proportional to the truth.
     pub accel_matrix: Matrix3<f64>,
     /// The same of the gyros.
     pub gyro_matrix: Matrix3<f64>,
-    /// A fix stamped t shows the motion at t minus this.
+    /// A fix stamped t measures the motion at t minus this.
     pub gnss_latency_s: f64,
-    /// The same at the end of the run, with what clocks have gained.
+    /// The same at the end of the run, with clock drift.
     pub gnss_latency_end_s: f64,
-    /// What smoothing and repeated fixes lag behind at most, on top.
+    /// Largest additional lag by smoothing and repeated fixes.
     pub gnss_lag_s: f64,
 }
 
 impl SensorErrors {
-    /// What the accelerometers read too much of gravity at a place, where this is up in their axes,
-    /// biases included: at one attitude nobody tells the one from the other.
-    pub fn felt_accel_bias_mps2(&self, at: &Geodetic, up: &Vector3<f64>) -> Vector3<f64> {
+    /// Accelerometer error at rest at a place, where `up` is up in their axes: biases, and scale errors and
+    /// misalignments on gravity, which cannot be separated at one attitude.
+    pub fn effective_accel_bias_mps2(&self, at: &Geodetic, up: &Vector3<f64>) -> Vector3<f64> {
         let gravity_mps2 = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
         Vector3::from(self.accel_bias_mps2) + gravity_mps2 * self.accel_matrix * up
     }
 }
 
-/// Up on the whole, in the axes of the unit.
+/// Mean direction of up, in the axes of the unit.
 pub fn mean_up<'a>(truth: impl Iterator<Item = &'a Solution>) -> Vector3<f64> {
     let ups = truth.map(|s| s.attitude.inverse() * Vector3::z());
     ups.sum::<Vector3<f64>>().normalize()
@@ -169,8 +168,7 @@ pub fn record<M: Motion>(motion: M, recording: &Recording) -> SimulatedDrive {
     record_with(motion, recording, None)
 }
 
-/// Records any motion, with recorded noise of the inertial sensors in place of white if there is
-/// any.
+/// Records any motion, with recorded instead of white noise of the inertial sensors if there is any.
 pub fn record_with<M: Motion>(
     motion: M,
     recording: &Recording,
@@ -180,13 +178,13 @@ pub fn record_with<M: Motion>(
     let start = *sensors.state();
     let end = Time::default().plus_seconds(recording.duration_s);
     let mut recorder = Recorder::new(recording, noise, &start);
-    recorder.go_on(&mut sensors, end);
+    recorder.record_until(&mut sensors, end);
     let Recording { seed, errors, .. } = recording;
     let heading_error = Random::stream(*seed, "given heading").normal();
     let given_heading_rad = errors
         .given_heading_sigma_deg
         .map(|sigma| start.solution.euler().heading_rad + sigma.to_radians() * heading_error);
-    // With a latency the last fixes would be stamped after the last inertial sample.
+    // With latency the last fixes would be stamped after the last inertial sample.
     recorder.gnss.retain(|fix| fix.time <= end);
     SimulatedDrive {
         arrivals: arrivals(&recorder.gnss, &errors.gnss.habits, *seed),
@@ -200,18 +198,18 @@ pub fn record_with<M: Motion>(
     }
 }
 
-/// What happened over one sampling interval.
+/// One sampling interval.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
     /// Truth at its start.
     pub before: TrueState,
     /// As measured.
     pub sample: ImuSample,
-    /// What error-free sensors gained.
+    /// Increments of error-free sensors.
     pub ideal: ImuSample,
 }
 
-/// Sensors on their way, and what they have put out.
+/// Sensors with errors, and their output so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Recorder {
     pub(crate) imu: Vec<ImuSample>,
@@ -259,17 +257,17 @@ impl Recorder {
         }
     }
 
-    /// Records up to a time; `sensors` stand where the last recording has ended.
-    pub(crate) fn go_on<M: Motion>(&mut self, sensors: &mut IdealSensors<M>, end: Time) {
-        let most_s = MOST_JITTER / self.recording.imu_hz;
+    /// Records up to a time; `sensors` are at the end of the last recording.
+    pub(crate) fn record_until<M: Motion>(&mut self, sensors: &mut IdealSensors<M>, end: Time) {
+        let most_s = MAX_JITTER / self.recording.imu_hz;
         while self.next_time() <= end {
             let Step { sample, .. } = self.step(sensors);
             let model = &self.recording.errors.imu;
             let jitter_s = model.stamp_jitter_s.min(most_s) * self.jitter.uniform([-1.0, 1.0]);
             let time = sample.time.plus_seconds(jitter_s);
             let sampled_s = sample.time.as_seconds();
-            let in_hole = model.holes.iter().any(|hole| hole.holds(sampled_s));
-            if !self.losses.chance(model.dropped_fraction) && !in_hole {
+            let in_gap = model.holes.iter().any(|gap| gap.contains(sampled_s));
+            if !self.losses.chance(model.dropped_fraction) && !in_gap {
                 self.imu.push(ImuSample { time, ..sample });
             }
             if self.count.is_multiple_of(self.recording.truth_every) {
@@ -284,7 +282,7 @@ impl Recorder {
         Time::default().plus_seconds(f64::from(self.count + 1) / self.recording.imu_hz)
     }
 
-    /// Moves on by a sampling interval, and keeps the fixes that show it.
+    /// Advances by a sampling interval, and keeps the fixes that measure it.
     pub(crate) fn step<M: Motion>(&mut self, sensors: &mut IdealSensors<M>) -> Step {
         let (before, time) = (*sensors.state(), self.next_time());
         self.count += 1;
@@ -304,7 +302,7 @@ impl Recorder {
         }
     }
 
-    /// The errors that an estimator should find at a time.
+    /// True values of the errors at a time.
     pub(crate) fn errors(&self, end: Time) -> SensorErrors {
         let Imu { gyros, accels, .. } = &self.unit;
         let [gyro, accel] = self.unit.biases();

@@ -1,4 +1,4 @@
-//! Error models: what stands in an error-model file, and the two presets.
+//! Error models: the content of an error-model file, and the two presets.
 //!
 //! Equation numbers are those of V. M. Tereshkov's thesis (Bauman MSTU, 2011). A bias is measured
 //! minus true.
@@ -12,27 +12,27 @@ pub use super::checks::ErrorModelError;
 use super::checks::check;
 use super::receiver::Habits;
 
-/// Everything that lies between the ideal sensors and a log.
+/// All errors between ideal sensors and a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorModel {
-    /// Output form, ranges and losses of the inertial unit.
+    /// Output form, ranges and lost samples of the inertial unit.
     pub imu: ImuModel,
     pub gyro_deg_h: SensorModel,
     pub accel_mps2: SensorModel,
     pub gnss: GnssModel,
-    /// Absent: there is none.
+    /// Absent: no barometer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub barometer: Option<BarometerModel>,
-    /// Spread of the error of the heading given at the start, deg; absent: none is given.
+    /// Sigma of the heading given at the start, deg; absent: none is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub given_heading_sigma_deg: Option<f64>,
 }
 
-/// Part of the time between two samples that their stamps may be off by: they stay in order.
-pub const MOST_JITTER: f64 = 0.49;
+/// Largest stamp jitter as a part of the sampling interval: stamps stay in order.
+pub const MAX_JITTER: f64 = 0.49;
 
-/// What the inertial unit does to all its samples.
+/// Errors of all samples of the inertial unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImuModel {
@@ -41,11 +41,11 @@ pub struct ImuModel {
     pub gyro_range_deg_s: f64,
     /// Accelerometer readings saturate here, m/s^2.
     pub accel_range_mps2: f64,
-    /// Part of the samples that never arrive, 0 to 1.
+    /// Part of the samples that are lost, 0 to 1.
     #[serde(default)]
     pub dropped_fraction: f64,
-    /// Stamps are off by up to this, s; the samples themselves come regularly. At most
-    /// [`MOST_JITTER`] of the time between two.
+    /// Largest error of the stamps, s; the sampling itself is regular. At most [`MAX_JITTER`] of the
+    /// sampling interval.
     #[serde(default, skip_serializing_if = "is_default")]
     pub stamp_jitter_s: f64,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -61,23 +61,23 @@ pub struct SensorModel {
     /// has a standard deviation of this times sqrt(t).
     #[serde(default)]
     pub white_noise: f64,
-    /// Run-to-run spread of the scale-factor error, 1.
+    /// Run-to-run sigma of the scale-factor error, 1.
     #[serde(default)]
     pub scale_sigma: f64,
-    /// Run-to-run spread of what each axis feels of each other, 1. Body axes are those of the
-    /// accelerometers on the whole, so theirs is symmetrical.
+    /// Run-to-run sigma of the sensitivity of each axis to each other, 1. Body axes are defined by the
+    /// accelerometers, so their misalignment matrix is symmetric.
     #[serde(default, skip_serializing_if = "is_default")]
     pub misalignment_sigma: f64,
-    /// Run-to-run spread of what a bias changes by as the unit warms up, U.
+    /// Run-to-run sigma of the change of a bias during warm-up, U.
     #[serde(default, skip_serializing_if = "is_default")]
     pub warming_sigma: f64,
     /// Time constant of that, s.
-    #[serde(default = "minutes", skip_serializing_if = "are_minutes")]
+    #[serde(default = "warm_up_s", skip_serializing_if = "is_warm_up_s")]
     pub warming_s: f64,
-    /// The white noise of each axis is so many times `white_noise`.
-    #[serde(default = "alike", skip_serializing_if = "are_alike")]
+    /// Factor on `white_noise` for each axis.
+    #[serde(default = "equal_noise", skip_serializing_if = "is_equal_noise")]
     pub noise_times: [f64; 3],
-    /// Readings are whole numbers of this, U; zero: they are not rounded.
+    /// Quantization of the readings, U; zero: none.
     #[serde(default, skip_serializing_if = "is_default")]
     pub resolution: f64,
 }
@@ -96,7 +96,7 @@ pub enum Law {
 pub enum BiasModel {
     /// (3): piecewise constant, jumping by a normal random weight at every interval.
     Wave {
-        /// Run-to-run spread at the start, U.
+        /// Run-to-run sigma at the start, U.
         initial_sigma: f64,
         /// Interval Dt between jumps, s.
         interval_s: f64,
@@ -106,47 +106,47 @@ pub enum BiasModel {
     },
     /// (4): constant + linear trend + exponentially correlated noise.
     Continuous {
-        /// Run-to-run spread of the constant, U.
+        /// Run-to-run sigma of the constant, U.
         initial_sigma: f64,
-        /// Run-to-run spread of the trend, U/s.
+        /// Run-to-run sigma of the trend, U/s.
         #[serde(default)]
         slope_sigma_per_s: f64,
         #[serde(default)]
         correlated_sigma: f64,
-        #[serde(default = "a_second")]
+        #[serde(default = "default_correlation_s")]
         correlation_time_s: f64,
     },
 }
 
-fn a_second() -> f64 {
+fn default_correlation_s() -> f64 {
     1.0
 }
 
-fn minutes() -> f64 {
+fn warm_up_s() -> f64 {
     150.0
 }
 
 // Signature is serde's.
 #[allow(clippy::trivially_copy_pass_by_ref)]
-fn are_minutes(time_s: &f64) -> bool {
-    is_default(&(time_s - minutes()))
+fn is_warm_up_s(time_s: &f64) -> bool {
+    is_default(&(time_s - warm_up_s()))
 }
 
-fn alike() -> [f64; 3] {
+fn equal_noise() -> [f64; 3] {
     [1.0; 3]
 }
 
-fn are_alike(times: &[f64; 3]) -> bool {
+fn is_equal_noise(times: &[f64; 3]) -> bool {
     times.iter().all(|times| is_default(&(times - 1.0)))
 }
 
-/// Zero, of numbers.
+/// Whether a number is zero.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
 impl BiasModel {
-    /// A bias that wanders about what it was at the start, with a correlation time of 1000 s.
+    /// A bias with a Gauss-Markov process of 1000 s correlation time about its initial value.
     pub fn drifting(initial_sigma: f64, correlated_sigma: f64) -> Self {
         Self::Continuous {
             initial_sigma,
@@ -156,13 +156,13 @@ impl BiasModel {
         }
     }
 
-    /// A bias that stays as it was at the start.
+    /// A constant bias.
     pub fn constant(initial_sigma: f64) -> Self {
         Self::Continuous {
             initial_sigma,
             slope_sigma_per_s: 0.0,
             correlated_sigma: 0.0,
-            correlation_time_s: a_second(),
+            correlation_time_s: default_correlation_s(),
         }
     }
 
@@ -174,7 +174,7 @@ impl BiasModel {
         }
     }
 
-    /// Spread so long after the start, U.
+    /// Sigma at a time after the start, U.
     pub fn sigma_after(&self, time_s: f64) -> f64 {
         match *self {
             Self::Wave {
@@ -199,7 +199,7 @@ impl BiasModel {
         }
     }
 
-    /// Run-to-run spread at the start, U.
+    /// Run-to-run sigma at the start, U.
     pub fn initial_sigma(&self) -> f64 {
         match self {
             Self::Wave { initial_sigma, .. } | Self::Continuous { initial_sigma, .. } => {
@@ -219,12 +219,12 @@ pub struct GnssModel {
     /// White noise of east and north position, m.
     pub horizontal_sigma_m: f64,
     pub vertical_sigma_m: f64,
-    /// Bounds of the latency, drawn once a run: a fix shows the motion of that long before its
-    /// stamp. Negative where the inertial stamps are late.
+    /// Bounds of the latency, drawn once a run: a fix measures the motion that long before its stamp.
+    /// Negative where the inertial stamps are late.
     pub latency_s: [f64; 2],
     #[serde(default)]
     pub outages: Vec<Outage>,
-    /// All else that receivers do.
+    /// Other behaviour of receivers.
     #[serde(default, skip_serializing_if = "is_default")]
     pub habits: Habits,
 }
@@ -237,7 +237,7 @@ pub struct Outage {
 }
 
 impl GnssModel {
-    /// Whether there are no fixes at a time, or none that is sure to have arrived since.
+    /// Whether a time is in an outage, or so soon after one that no fix is sure to have arrived.
     pub fn is_out(&self, time_s: f64) -> bool {
         let late_s = self.latency_s[1].max(0.0) + self.habits.delay_s[1] + 1.0 / self.rate_hz;
         self.outages.iter().any(|outage| {
@@ -246,8 +246,8 @@ impl GnssModel {
         })
     }
 
-    /// Part of the last epoch that a smoothed one keeps.
-    pub(super) fn smoothing_keep(&self) -> f64 {
+    /// Weight of the last epoch in exponential smoothing.
+    pub(super) fn smoothing_factor(&self) -> f64 {
         let time_s = self.habits.smoothing_s;
         if time_s > 0.0 {
             libm::exp(-1.0 / (self.rate_hz * time_s))
@@ -256,10 +256,10 @@ impl GnssModel {
         }
     }
 
-    /// How many epochs smoothing lags behind a steady change.
+    /// Lag of smoothing behind a constant rate, epochs.
     pub fn smoothing_epochs(&self) -> f64 {
-        let keep = self.smoothing_keep();
-        keep / (1.0 - keep)
+        let factor = self.smoothing_factor();
+        factor / (1.0 - factor)
     }
 }
 
@@ -270,10 +270,10 @@ impl ErrorModel {
         Ok(model)
     }
 
-    /// Whether a unit of so many samples a second can have it.
+    /// Whether it is valid at a sampling rate.
     pub fn check_at(&self, imu_hz: f64) -> Result<(), ErrorModelError> {
         let jitter_s = self.imu.stamp_jitter_s;
-        if jitter_s <= MOST_JITTER / imu_hz {
+        if jitter_s <= MAX_JITTER / imu_hz {
             return Ok(());
         }
         Err(ErrorModelError::Value {
@@ -283,10 +283,10 @@ impl ErrorModel {
         })
     }
 
-    /// The same with some keys of the file set otherwise. A bias of another model stands whole.
+    /// The same with some keys of the file changed. A bias of another model replaces the whole table.
     pub fn with(&self, keys: &toml::Table) -> Result<Self, ErrorModelError> {
         let mut file = toml::Table::try_from(self)?;
-        set(&mut file, keys);
+        merge(&mut file, keys);
         let model: Self = file.try_into()?;
         check(&model)?;
         Ok(model)
@@ -348,14 +348,14 @@ impl ErrorModel {
     }
 }
 
-/// Tables are gone into, everything else is replaced.
-pub(crate) fn set(file: &mut toml::Table, keys: &toml::Table) {
+/// Merges tables recursively; everything else is replaced.
+pub(crate) fn merge(file: &mut toml::Table, keys: &toml::Table) {
     for (key, value) in keys {
         match (file.get_mut(key), value) {
             (Some(toml::Value::Table(old)), toml::Value::Table(new))
                 if !new.contains_key("model") =>
             {
-                set(old, new);
+                merge(old, new);
             }
             _ => {
                 file.insert(key.clone(), value.clone());
@@ -365,7 +365,7 @@ pub(crate) fn set(file: &mut toml::Table, keys: &toml::Table) {
 }
 
 impl ImuModel {
-    /// All samples there, each at its time.
+    /// No sample lost, no jitter.
     fn new(output: ImuOutput, gyro_range_deg_s: f64, accel_range_mps2: f64) -> Self {
         Self {
             output,
@@ -379,13 +379,13 @@ impl ImuModel {
 }
 
 impl Outage {
-    pub fn holds(&self, time_s: f64) -> bool {
+    pub fn contains(&self, time_s: f64) -> bool {
         (self.start_s..self.start_s + self.duration_s).contains(&time_s)
     }
 }
 
 impl SensorModel {
-    /// Three alike, along their axes, without scale errors.
+    /// Three equal sensors without scale errors and misalignments.
     pub(super) fn new(bias: BiasModel, white_noise: f64) -> Self {
         Self {
             bias,
@@ -393,8 +393,8 @@ impl SensorModel {
             scale_sigma: 0.0,
             misalignment_sigma: 0.0,
             warming_sigma: 0.0,
-            warming_s: minutes(),
-            noise_times: alike(),
+            warming_s: warm_up_s(),
+            noise_times: equal_noise(),
             resolution: 0.0,
         }
     }

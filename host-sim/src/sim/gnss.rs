@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::errors::GnssModel;
 use super::ideal::{Antenna, TrueState, displaced};
-use super::noise::{Memory, Random};
+use super::noise::{GaussMarkov, Random};
 use super::receiver::{Correlated, Habits, Stated, Up, Wrong};
 
 #[derive(Clone, Debug)]
@@ -17,25 +17,25 @@ pub struct Gnss {
     next: u32,
     velocity_noise: Random,
     position_noise: Random,
-    velocity_memory: [Memory; 3],
-    position_memory: [Memory; 3],
+    velocity_correlated: [GaussMarkov; 3],
+    position_correlated: [GaussMarkov; 3],
     outliers: Random,
-    /// What a smoothing receiver remembers of the last epoch.
+    /// Last epoch of a smoothing receiver.
     smoothed: Option<Antenna>,
-    /// What one that takes differences does.
-    last_place: Option<Geodetic>,
-    /// Where one that holds still does so.
-    held: Option<Geodetic>,
-    /// What it knew when nothing was wrong last.
-    last_good: Option<(Time, Antenna)>,
+    /// Last position, for velocity by differences.
+    last_position: Option<Geodetic>,
+    /// Position hold.
+    held_position: Option<Geodetic>,
+    /// Last epoch without a fault.
+    last_valid: Option<(Time, Antenna)>,
 }
 
 impl Gnss {
     pub fn new(model: &GnssModel, seed: u64) -> Self {
         let habits = &model.habits;
         let period_s = 1.0 / model.rate_hz;
-        let memory = |noise: &Correlated, jumps: bool, name: &str| {
-            Memory::new(noise, period_s, jumps, Random::stream(seed, name))
+        let correlated = |noise: &Correlated, jumps: bool, name: &str| {
+            GaussMarkov::new(noise, period_s, jumps, Random::stream(seed, name))
         };
         let (level, up) = (&habits.horizontal, &habits.vertical);
         Self {
@@ -43,31 +43,30 @@ impl Gnss {
             next: 0,
             velocity_noise: Random::stream(seed, "gnss velocity"),
             position_noise: Random::stream(seed, "gnss position"),
-            velocity_memory: ["east", "north", "up"]
-                .map(|axis| memory(&habits.velocity, false, &format!("gnss velocity {axis}"))),
-            position_memory: [
+            velocity_correlated: ["east", "north", "up"]
+                .map(|axis| correlated(&habits.velocity, false, &format!("gnss velocity {axis}"))),
+            position_correlated: [
                 (level, "gnss position east"),
                 (level, "gnss position north"),
                 (up, "gnss height"),
             ]
-            .map(|(noise, name)| memory(noise, habits.position_jumps, name)),
+            .map(|(noise, name)| correlated(noise, habits.position_jumps, name)),
             outliers: Random::stream(seed, "gnss outliers"),
             smoothed: None,
-            last_place: None,
-            held: None,
-            last_good: None,
+            last_position: None,
+            held_position: None,
+            last_valid: None,
             model: model.clone(),
         }
     }
 
-    /// The latency at a stamp, with what the clock has gained by then.
+    /// The latency at a stamp, with clock drift.
     pub fn latency_at_s(&self, stamp_s: f64) -> f64 {
         self.latency_s + self.model.habits.clock_drift * stamp_s
     }
 
-    /// What the fixes of this receiver lag behind at most, beyond the latency: behind a steady
-    /// change by smoothing or by the mean of a difference, and under the last stamp of a fix that is
-    /// logged several times.
+    /// Largest lag of its fixes beyond the latency: at a constant rate, by smoothing or by differencing,
+    /// and at the last stamp of a fix that is logged several times.
     pub fn lag_s(&self) -> f64 {
         let habits = &self.model.habits;
         let times = f64::from(habits.logged_times);
@@ -79,7 +78,7 @@ impl Gnss {
         (self.model.smoothing_epochs() + 1.0 - 1.0 / times + half) / self.model.rate_hz
     }
 
-    /// Adds the fixes that show the motion between two states.
+    /// Adds the fixes that measure the motion between two states.
     pub fn observe(&mut self, from: &TrueState, to: &TrueState, fixes: &mut Vec<GnssFix>) {
         loop {
             let stamp_s = f64::from(self.next) / self.model.rate_hz;
@@ -88,18 +87,18 @@ impl Gnss {
                 return;
             }
             self.next += 1;
-            // Drawn whether the fix appears or not: an outage leaves the rest as it was.
+            // Drawn in outages as well, which thereby leave other fixes unchanged.
             let noise = self.noise(stamp_s);
             let outlier = self.outlier();
             if shown_s < from.solution.time.as_seconds() {
                 continue;
             }
             let antenna = Antenna::between(from, to, shown_s, &self.model.habits.lever_arm_m);
-            let differenced = self.differenced(noise.on(&antenna));
+            let differenced = self.differenced(noise.added_to(&antenna));
             let smoothed = self.smooth(differenced);
-            // In an outage, too: what has moved meanwhile is let go.
-            let seen = self.hold(outlier.on(&smoothed));
-            if !self.model.outages.iter().any(|out| out.holds(stamp_s)) {
+            // In an outage as well: motion meanwhile ends the hold.
+            let seen = self.hold(outlier.added_to(&smoothed));
+            if !self.model.outages.iter().any(|out| out.contains(stamp_s)) {
                 let fix = self.logged(stamp_s, &seen);
                 let times = f64::from(self.model.habits.logged_times);
                 fixes.extend((0..self.model.habits.logged_times).map(|copy| {
@@ -124,21 +123,24 @@ impl Gnss {
             ..
         } = self.model;
         let sigmas = Vector3::new(horizontal_sigma_m, horizontal_sigma_m, vertical_sigma_m);
-        let remembered =
-            |memory: &mut [Memory; 3]| Vector3::from(memory.each_mut().map(Memory::step));
+        let correlated_step = |correlated: &mut [GaussMarkov; 3]| {
+            Vector3::from(correlated.each_mut().map(GaussMarkov::step))
+        };
         let times = self.noise_times(stamp_s);
         Errors {
             velocity_mps: times
-                * (velocity_sigma_mps * velocity_noise + remembered(&mut self.velocity_memory)),
+                * (velocity_sigma_mps * velocity_noise
+                    + correlated_step(&mut self.velocity_correlated)),
             position_m: times
-                * (sigmas.component_mul(&position_noise) + remembered(&mut self.position_memory)),
+                * (sigmas.component_mul(&position_noise)
+                    + correlated_step(&mut self.position_correlated)),
         }
     }
 
     fn noise_times(&self, stamp_s: f64) -> f64 {
         let mut troubles = self.model.habits.troubles.iter();
         let noisy = troubles.find_map(|trouble| match trouble.wrong {
-            Wrong::Noisy(times) if trouble.holds(stamp_s) => Some(times),
+            Wrong::Noisy(times) if trouble.contains(stamp_s) => Some(times),
             _ => None,
         });
         noisy.unwrap_or(1.0)
@@ -157,25 +159,25 @@ impl Gnss {
     }
 
     fn smooth(&mut self, seen: Antenna) -> Antenna {
-        let keep = self.model.smoothing_keep();
-        let last = self.smoothed.filter(|_| keep > 0.0);
+        let factor = self.model.smoothing_factor();
+        let last = self.smoothed.filter(|_| factor > 0.0);
         let now = last.map_or(seen, |last| {
             let off = Errors {
-                velocity_mps: keep * (last.velocity_enu_mps - seen.velocity_enu_mps),
+                velocity_mps: factor * (last.velocity_enu_mps - seen.velocity_enu_mps),
                 position_m: if self.model.habits.smooths_position {
-                    keep * last.position.enu_from(&seen.position)
+                    factor * last.position.enu_from(&seen.position)
                 } else {
                     Vector3::zeros()
                 },
             };
-            off.on(&seen)
+            off.added_to(&seen)
         });
         self.smoothed = Some(now);
         now
     }
 
     fn differenced(&mut self, seen: Antenna) -> Antenna {
-        let last = self.last_place.replace(seen.position);
+        let last = self.last_position.replace(seen.position);
         match last.filter(|_| self.model.habits.velocity_by_differences) {
             Some(last) => Antenna {
                 velocity_enu_mps: self.model.rate_hz * seen.position.enu_from(&last),
@@ -187,11 +189,11 @@ impl Gnss {
 
     fn hold(&mut self, seen: Antenna) -> Antenna {
         if seen.velocity_enu_mps.norm() >= self.model.habits.holds_below_mps {
-            self.held = None;
+            self.held_position = None;
             return seen;
         }
         Antenna {
-            position: *self.held.get_or_insert(seen.position),
+            position: *self.held_position.get_or_insert(seen.position),
             velocity_enu_mps: Vector3::zeros(),
         }
     }
@@ -202,12 +204,12 @@ impl Gnss {
         let good = self.fix(time, position, velocity);
         let mut troubles = self.model.habits.troubles.iter();
         let trouble = troubles
-            .find(|trouble| trouble.holds(stamp_s) && !matches!(trouble.wrong, Wrong::Noisy(_)));
+            .find(|trouble| trouble.contains(stamp_s) && !matches!(trouble.wrong, Wrong::Noisy(_)));
         let Some(trouble) = trouble else {
-            self.last_good = Some((time, *seen));
+            self.last_valid = Some((time, *seen));
             return good;
         };
-        let (last_time, last) = self.last_good.unwrap_or((time, *seen));
+        let (last_time, last) = self.last_valid.unwrap_or((time, *seen));
         match trouble.wrong {
             Wrong::ZeroVelocity => self.fix(time, position, &Vector3::zeros()),
             Wrong::Off {
@@ -242,7 +244,7 @@ impl Gnss {
         }
     }
 
-    /// What is measured, less what this receiver does not give.
+    /// A fix with the components that this receiver has.
     fn fix(&self, time: Time, position: &Geodetic, velocity: &Vector3<f64>) -> GnssFix {
         let habits = &self.model.habits;
         let gives_up = habits.gives_velocity && habits.up != Up::Missing;
@@ -301,7 +303,7 @@ struct Errors {
 }
 
 impl Errors {
-    fn on(&self, seen: &Antenna) -> Antenna {
+    fn added_to(&self, seen: &Antenna) -> Antenna {
         Antenna {
             position: displaced(&seen.position, &self.position_m),
             velocity_enu_mps: seen.velocity_enu_mps + self.velocity_mps,
@@ -309,7 +311,7 @@ impl Errors {
     }
 }
 
-/// When each fix arrives: later than its stamp by the receiver's delay. None overtakes another.
+/// Arrival times: stamps plus the receiver's delay. The order is kept.
 pub fn arrivals(fixes: &[GnssFix], habits: &Habits, seed: u64) -> Vec<Time> {
     let mut delays = Random::stream(seed, "gnss delay");
     let mut last: Option<Time> = None;

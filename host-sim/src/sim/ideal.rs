@@ -10,13 +10,13 @@ use super::motion::{Kinematics, Motion};
 
 /// Inner nodes of the four-point Gauss-Lobatto rule on [0, 1], `(1 -+ 1/sqrt 5) / 2`.
 ///
-/// As exact as three-point Gauss-Legendre (degree 5), but the ends of the interval are nodes,
-/// which the truth needs anyway.
+/// As exact as three-point Gauss-Legendre (degree 5), but with nodes at the ends of the interval, which
+/// the truth needs anyway.
 const INNER_NODES: [f64; 2] = [0.276_393_202_250_021, 0.723_606_797_749_979];
 const END_WEIGHT: f64 = 1.0 / 12.0;
 const INNER_WEIGHT: f64 = 5.0 / 12.0;
 
-/// What integrating sensors gain over an interval, in the rotating body axes.
+/// Increments of integrating sensors over an interval, in the rotating body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Increments {
     /// Integral of the angular rate of the body against inertial space.
@@ -57,7 +57,7 @@ pub struct TrueState {
     pub rates: Rates,
 }
 
-/// Where the sensors are and how they move between two states one sampling interval or less apart.
+/// Position and velocity of the sensors between two states one sampling interval or less apart.
 ///
 /// Velocity is the cubic with the states' velocities and accelerations at its ends (error
 /// h^4/384 of its fourth derivative: some 1e-9 m/s for a car at 100 Hz), position its integral.
@@ -77,7 +77,7 @@ fn between(from: &TrueState, to: &TrueState, time_s: f64) -> Antenna {
     }
 }
 
-/// The point some metres from another.
+/// Position displaced by a vector in metres.
 pub(crate) fn displaced(from: &Geodetic, moved_enu_m: &Vector3<f64>) -> Geodetic {
     displaced_on(
         &LocalEarth::at(from.latitude_rad, from.height_m),
@@ -95,7 +95,7 @@ fn displaced_on(earth: &LocalEarth, from: &Geodetic, moved_enu_m: &Vector3<f64>)
     }
 }
 
-/// An antenna some way from the inertial sensors: where it is and how it moves.
+/// Position and velocity of an antenna, at the lever arm from the inertial sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Antenna {
     pub position: Geodetic,
@@ -105,9 +105,8 @@ pub struct Antenna {
 impl Antenna {
     /// Between two states one sampling interval or less apart.
     ///
-    /// Sensors and arm are interpolated apart, each by the cubic through its values and
-    /// derivatives at the two states: arm and its velocity are good to h^3 of the turn's fourth
-    /// derivative.
+    /// Sensors and arm are interpolated separately, each by the cubic through its values and derivatives at
+    /// the two states: arm and its velocity are accurate to h^3 of the rotation's fourth derivative.
     pub fn between(from: &TrueState, to: &TrueState, time_s: f64, arm_m: &[f64; 3]) -> Self {
         let sensors = between(from, to, time_s);
         let arm = Vector3::from(*arm_m);
@@ -138,7 +137,7 @@ fn arm_enu(state: &TrueState, arm: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>
     (reach, rate.cross(&reach))
 }
 
-/// A vector over a short time: the cubic on [0, 1] by its values and derivatives at both ends.
+/// Hermite cubic of a vector on [0, 1].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cubic([Vector3<f64>; 4]);
 
@@ -168,14 +167,14 @@ impl Cubic {
         c0 + u * (c1 / 2.0 + u * (c2 / 3.0 + u * c3 / 4.0))
     }
 
-    /// Over the whole.
+    /// Over [0, 1].
     pub(crate) fn integral(&self) -> Vector3<f64> {
         let [c0, c1, c2, c3] = &self.0;
         c0 + c1 / 2.0 + c2 / 3.0 + c3 / 4.0
     }
 }
 
-/// A motion with ideal inertial sensors on it.
+/// Ideal inertial sensors on a motion.
 #[derive(Clone, Debug)]
 pub struct IdealSensors<M> {
     motion: M,
@@ -202,7 +201,7 @@ impl<M: Motion> IdealSensors<M> {
         &self.state
     }
 
-    /// Moves on to a later instant; returns what the sensors gained on the way.
+    /// Advances to a later instant; returns the increments.
     pub fn advance(&mut self, to: Time) -> Increments {
         let from = self.state.solution;
         let start_s = from.time.as_seconds();
@@ -210,8 +209,8 @@ impl<M: Motion> IdealSensors<M> {
         let [early, late] = INNER_NODES.map(|node| self.motion.kinematics(start_s + node * h));
         let end = self.motion.kinematics(to.as_seconds());
 
-        // The Earth changes so slowly along the way that its mid-interval values serve the inner
-        // nodes and the radii: what is left is of third order in the interval.
+        // Earth rate, gravity and radii change so slowly that mid-interval values serve the inner nodes:
+        // the error is of third order in the interval.
         let halfway = displaced_on(
             &self.earth,
             &from.position,
@@ -399,7 +398,7 @@ mod tests {
         };
         let [angle, velocity] = total(0.02);
         let [fine_angle, fine_velocity] = total(0.005);
-        // What the rule leaves at 50 Hz where the pieces of the motion join: measured 4e-9, 8e-10.
+        // Quadrature errors at 50 Hz where segments of the motion join: measured 4e-9, 8e-10.
         assert!((angle - fine_angle).norm() < 1e-8);
         assert!((velocity - fine_velocity).norm() < 1e-8);
     }
@@ -515,7 +514,7 @@ mod tests {
         let position = (strapdown.position_m - truth.position_m).norm();
         let velocity = (strapdown.velocity_mps - truth.velocity_mps).norm();
         let attitude = strapdown.attitude.angle_to(&truth.attitude);
-        // The strapdown's own trapezoids and two-sample corrections leave 0.25 m, 0.2 mm/s and
+        // The strapdown's own trapezoid rule and two-sample corrections leave 0.25 m, 0.2 mm/s and
         // 0.001 arc seconds; all fall at least with the square of the interval (0.007 m at
         // 400 Hz), so the increments are better than that.
         assert!(position < 0.5, "{position} m");

@@ -10,8 +10,7 @@ use super::recorded::Resampled;
 
 const DEG_RAD: f64 = core::f64::consts::PI / 180.0;
 
-/// Of gyros, rad/s, and accelerometers, m/s^2: what is measured beyond what scale errors and
-/// misalignments make of the truth.
+/// Of gyros, rad/s, and accelerometers, m/s^2: errors without those by scale errors and misalignments.
 pub type Biases = [Vector3<f64>; 2];
 
 #[derive(Clone, Debug)]
@@ -19,7 +18,7 @@ pub struct Imu {
     output: ImuOutput,
     pub gyros: Triad,
     pub accels: Triad,
-    /// What stands in place of their white noise, if anything.
+    /// Recorded noise in place of white noise, if any.
     pub recorded: Option<Resampled>,
 }
 
@@ -37,17 +36,17 @@ impl Imu {
                 seed,
                 "accel",
             )
-            .with_own_axes(),
+            .with_symmetric_misalignment(),
             recorded: None,
         }
     }
 
-    /// Those of now.
+    /// Current biases.
     pub fn biases(&self) -> Biases {
         [self.gyros.bias(), self.accels.bias()]
     }
 
-    /// Readings (gyro, accelerometer) at the end of a step over which the sensors gained `gained`.
+    /// Readings (gyro, accelerometer) at the end of a step with increments `gained`.
     pub fn measure(
         &mut self,
         gained: &Increments,
@@ -73,7 +72,7 @@ impl Imu {
     pub fn measure_rates(&mut self, now: &Rates, step_s: f64) -> (Vector3<f64>, Vector3<f64>) {
         let [gyro, accel] = match &mut self.recorded {
             Some(recorded) => recorded.step(),
-            None => [&mut self.gyros, &mut self.accels].map(|triad| triad.white(step_s)),
+            None => [&mut self.gyros, &mut self.accels].map(|triad| triad.white_noise(step_s)),
         };
         (
             self.gyros.read(&now.angular_rate_ib_b_radps, &gyro),
@@ -85,12 +84,12 @@ impl Imu {
 #[derive(Clone, Debug)]
 pub struct Triad {
     bias: [Bias; 3],
-    /// What the biases change by while the unit warms up, and the part of it that is still to come.
+    /// Change of the biases during warm-up, and the part of it that remains.
     warming: Vector3<f64>,
-    cold: f64,
+    warming_left: f64,
     warming_s: f64,
     scale: Vector3<f64>,
-    cross: Matrix3<f64>,
+    misalignment: Matrix3<f64>,
     noise_density: Vector3<f64>,
     resolution: f64,
     range: f64,
@@ -102,16 +101,16 @@ impl Triad {
         let stream = |part: &str| Random::stream(seed, &format!("{name} {part}"));
         let mut warming = stream("warming");
         let mut scale = stream("scale");
-        let mut cross = stream("misalignment");
+        let mut misalignment = stream("misalignment");
         Self {
             bias: ["bias x", "bias y", "bias z"]
                 .map(|axis| Bias::new(&model.bias, unit, stream(axis))),
             warming: Vector3::from(warming.normal3()) * (unit * model.warming_sigma),
-            cold: 1.0,
+            warming_left: 1.0,
             warming_s: model.warming_s,
             scale: Vector3::from(scale.normal3()) * model.scale_sigma,
-            cross: Matrix3::from_fn(|axis, of| {
-                let drawn = cross.normal();
+            misalignment: Matrix3::from_fn(|axis, of| {
+                let drawn = misalignment.normal();
                 if axis == of {
                     0.0
                 } else {
@@ -127,18 +126,18 @@ impl Triad {
 
     pub fn bias(&self) -> Vector3<f64> {
         let drifted = Vector3::from([0, 1, 2].map(|axis| self.bias[axis].value()));
-        drifted + self.warming * (1.0 - self.cold)
+        drifted + self.warming * (1.0 - self.warming_left)
     }
 
-    /// What a reading has beyond the truth in proportion to it: scale errors and misalignments.
+    /// Scale errors and misalignments: errors proportional to the truth.
     pub fn error_matrix(&self) -> Matrix3<f64> {
-        Matrix3::from_diagonal(&self.scale) + self.cross
+        Matrix3::from_diagonal(&self.scale) + self.misalignment
     }
 
-    /// The same sensors in axes that they do not turn against on the whole.
-    fn with_own_axes(mut self) -> Self {
-        let upper = self.cross.upper_triangle();
-        self.cross = upper + upper.transpose();
+    /// The same sensors in the body axes that they define: the antisymmetric part is a rotation.
+    fn with_symmetric_misalignment(mut self) -> Self {
+        let upper = self.misalignment.upper_triangle();
+        self.misalignment = upper + upper.transpose();
         self
     }
 
@@ -147,17 +146,17 @@ impl Triad {
             bias.advance(step_s);
         }
         if self.warming != Vector3::zeros() {
-            self.cold *= libm::exp(-step_s / self.warming_s);
+            self.warming_left *= libm::exp(-step_s / self.warming_s);
         }
     }
 
-    fn white(&mut self, step_s: f64) -> Vector3<f64> {
+    fn white_noise(&mut self, step_s: f64) -> Vector3<f64> {
         let sigma = self.noise_density / step_s.sqrt();
         Vector3::from(self.noise.normal3()).component_mul(&sigma)
     }
 
     fn read(&self, truth: &Vector3<f64>, noise: &Vector3<f64>) -> Vector3<f64> {
-        let proportional = self.scale.component_mul(truth) + self.cross * truth;
+        let proportional = self.scale.component_mul(truth) + self.misalignment * truth;
         let reading = truth + proportional + self.bias() + noise;
         let rounded = if self.resolution > 0.0 {
             reading.map(|value| self.resolution * (value / self.resolution).round())
@@ -173,7 +172,7 @@ struct Bias {
     model: BiasModel,
     /// SI value of the model's unit.
     unit: f64,
-    /// What its jumps, or its trend, have come to.
+    /// Constant with accumulated jumps or trend.
     constant: f64,
     slope_per_s: f64,
     correlated: f64,
@@ -236,9 +235,9 @@ impl Bias {
                 self.constant += self.slope_per_s * step_s;
                 let sigma = self.unit * correlated_sigma;
                 if sigma > 0.0 {
-                    let keep = libm::exp(-step_s / correlation_time_s);
-                    let fresh = sigma * (1.0 - keep * keep).sqrt() * self.random.normal();
-                    self.correlated = keep * self.correlated + fresh;
+                    let factor = libm::exp(-step_s / correlation_time_s);
+                    let driving = sigma * (1.0 - factor * factor).sqrt() * self.random.normal();
+                    self.correlated = factor * self.correlated + driving;
                 }
             }
         }
@@ -320,7 +319,7 @@ mod tests {
         let later = values(&runs);
         assert_sigma(&later, 3.0);
         assert_correlation(&start, &later, (-1.0_f64).exp());
-        // Steps of any length: two thousand seconds on, nothing is remembered.
+        // Steps of any length: after two thousand seconds there is no correlation.
         advance(&mut runs, 2000.0);
         assert_sigma(&values(&runs), 3.0);
         assert_correlation(&start, &values(&runs), 0.0);
@@ -352,7 +351,7 @@ mod tests {
     fn white_noise_has_the_density_it_says_and_no_memory() {
         let (density, step_s) = (3.6e-5, 0.01);
         let mut triad = Triad::new(&noisy(density, 0.0), 1.0, 1.0, 9, "gyro");
-        let readings: Vec<Vector3<f64>> = (0..400_000).map(|_| triad.white(step_s)).collect();
+        let readings: Vec<Vector3<f64>> = (0..400_000).map(|_| triad.white_noise(step_s)).collect();
         for axis in 0..3 {
             let x: Vec<f64> = readings.iter().map(|r| r[axis]).collect();
             assert_sigma(&x, density / step_s.sqrt());

@@ -1,7 +1,7 @@
 //! Simulated vehicles and sensors.
 //!
 //! A [`Motion`] over a local East-North-Up frame is placed on the rotating ellipsoid by
-//! [`ideal::IdealSensors`], its readings are spoilt by an [`errors::ErrorModel`], and
+//! [`ideal::IdealSensors`], an [`errors::ErrorModel`] adds errors to its readings, and
 //! [`drive::record`] puts the two together into what a logger would have written.
 
 pub mod barometer;

@@ -1,5 +1,5 @@
-//! What a vehicle model owes the sensor model, what vehicles share that move along their heading, and
-//! what is put on top of a motion: a unit askew, and what shakes it.
+//! Interface between vehicle and sensor models, kinematics of vehicles that move along their heading, and
+//! additions to a motion: mounting of the unit, and vibration.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 
@@ -7,7 +7,7 @@ use ins_core::attitude::{Euler, from_euler};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::noise::Random;
-use super::profile::Local;
+use super::profile::Point;
 
 /// The motion of a vehicle against its local East-North-Up frame at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +24,8 @@ pub struct Kinematics {
 pub trait Motion {
     /// The motion at `time_s`. Called at times that do not decrease.
     ///
-    /// The acceleration must be the derivative of the velocity, and the angular rate that of the
-    /// attitude: the ideal sensors read the derivatives, the truth the functions.
+    /// The acceleration must be the derivative of the velocity, and the angular rate that of the attitude:
+    /// ideal sensors use the derivatives, the truth the functions.
     fn kinematics(&mut self, time_s: f64) -> Kinematics;
 }
 
@@ -48,8 +48,8 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// At a speed, in a heading, under an angle of climb, all with their derivatives by time.
-    pub(super) fn new(along: &Local, heading: &Local, climb_rad: f64, climb_radps: f64) -> Self {
+    /// From speed, heading and flight-path angle, with their time derivatives.
+    pub(super) fn new(along: &Point, heading: &Point, climb_rad: f64, climb_radps: f64) -> Self {
         let (speed, acceleration) = (along.value, along.slope);
         let (sin_h, cos_h) = libm::sincos(heading.value);
         let (sin_g, cos_g) = libm::sincos(climb_rad);
@@ -83,8 +83,8 @@ pub(super) fn kinematics(
     }
 }
 
-/// Level in a heading: angles, and their rates.
-pub(super) fn level(heading: &Local) -> [Euler; 2] {
+/// Level attitude with a heading: angles, and their rates.
+pub(super) fn level(heading: &Point) -> [Euler; 2] {
     [heading.value, heading.slope].map(|heading_rad| Euler {
         heading_rad,
         ..Euler::default()
@@ -103,7 +103,7 @@ fn body_rate(angles: &Euler, rates: &Euler) -> Vector3<f64> {
     )
 }
 
-/// A unit that comes loose, and holds again.
+/// A rotation of the unit's mount during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slip {
     pub start_s: f64,
@@ -112,11 +112,11 @@ pub struct Slip {
 }
 
 impl Slip {
-    /// What it has turned by at a time, and its rate, body: without a jolt at either end.
+    /// Rotation at a time, and its rate, body, which is continuous at both ends.
     fn at(&self, time_s: f64) -> (UnitQuaternion<f64>, Vector3<f64>) {
-        let part = ((time_s - self.start_s) / self.duration_s).clamp(0.0, 1.0);
-        let turned = part * part * (3.0 - 2.0 * part);
-        let rate = 6.0 * part * (1.0 - part) / self.duration_s;
+        let fraction = ((time_s - self.start_s) / self.duration_s).clamp(0.0, 1.0);
+        let turned = fraction * fraction * (3.0 - 2.0 * fraction);
+        let rate = 6.0 * fraction * (1.0 - fraction) / self.duration_s;
         (
             UnitQuaternion::from_scaled_axis(self.turn_rad * turned),
             self.turn_rad * rate,
@@ -134,7 +134,7 @@ pub struct Mounted<M> {
 }
 
 impl<M: Motion> Mounted<M> {
-    /// Fixes a unit, whose axes `mount` turns into those of the vehicle.
+    /// A unit whose axes `mount` rotates into those of the vehicle.
     pub fn new(vehicle: M, mount: UnitQuaternion<f64>) -> Self {
         Self {
             vehicle,
@@ -165,97 +165,97 @@ impl<M: Motion> Motion for Mounted<M> {
     }
 }
 
-/// One frequency of a shaking, body axes; amplitudes.
+/// One frequency of a vibration or swing, body axes; amplitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Swing {
+pub struct Harmonic {
     pub hz: f64,
     pub velocity_mps: [f64; 3],
     pub rotation_rad: [f64; 3],
 }
 
-/// When it shakes.
+/// Amplitude against speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum When {
+pub enum Envelope {
     Always,
-    /// The more, the faster; half at this speed, m/s.
+    /// Increasing with speed; half at this speed, m/s.
     Moving(f64),
-    /// The less, the faster; half at this speed, m/s.
+    /// Decreasing with speed; half at this speed, m/s.
     Standing(f64),
 }
 
 #[derive(Clone, Debug)]
-pub struct Shaken<M> {
+pub struct Oscillating<M> {
     motion: M,
-    swings: Vec<Phased>,
-    when: When,
+    harmonics: Vec<Phased>,
+    envelope: Envelope,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Phased {
-    swing: Swing,
+    wave: Harmonic,
     phase_rad: f64,
 }
 
-impl<M: Motion> Shaken<M> {
-    /// Shakes a motion; phases are those of run `seed`.
-    pub fn new(motion: M, swings: &[Swing], when: When, seed: u64) -> Self {
+impl<M: Motion> Oscillating<M> {
+    /// Adds oscillations to a motion; phases are those of run `seed`.
+    pub fn new(motion: M, harmonics: &[Harmonic], envelope: Envelope, seed: u64) -> Self {
         let mut random = Random::stream(seed, "phases");
-        let swings = swings.iter().map(|swing| Phased {
-            swing: *swing,
+        let harmonics = harmonics.iter().map(|wave| Phased {
+            wave: *wave,
             phase_rad: random.uniform([0.0, TAU]),
         });
         Self {
             motion,
-            swings: swings.collect(),
-            when,
+            harmonics: harmonics.collect(),
+            envelope,
         }
     }
 
-    /// How much of the amplitudes there is, and the rate at which that changes, 1/s.
-    fn envelope(&self, k: &Kinematics) -> (f64, f64) {
-        let share = |half_mps: f64| {
+    /// Factor on the amplitudes, and its rate, 1/s.
+    fn amplitude(&self, k: &Kinematics) -> (f64, f64) {
+        let fraction = |half_mps: f64| {
             let half2 = half_mps * half_mps;
             let all = k.velocity_enu_mps.norm_squared() + half2;
             let along = k.velocity_enu_mps.dot(&k.acceleration_enu_mps2);
             (1.0 - half2 / all, 2.0 * along * half2 / (all * all))
         };
-        match self.when {
-            When::Always => (1.0, 0.0),
-            When::Moving(half_mps) => share(half_mps),
-            When::Standing(half_mps) => {
-                let (moving, rate) = share(half_mps);
+        match self.envelope {
+            Envelope::Always => (1.0, 0.0),
+            Envelope::Moving(half_mps) => fraction(half_mps),
+            Envelope::Standing(half_mps) => {
+                let (moving, rate) = fraction(half_mps);
                 (1.0 - moving, -rate)
             }
         }
     }
 }
 
-impl<M: Motion> Motion for Shaken<M> {
+impl<M: Motion> Motion for Oscillating<M> {
     fn kinematics(&mut self, time_s: f64) -> Kinematics {
         let k = self.motion.kinematics(time_s);
-        let (share, share_rate) = self.envelope(&k);
+        let (fraction, fraction_rate) = self.amplitude(&k);
         let (mut velocity, mut acceleration) = (Vector3::zeros(), Vector3::zeros());
         let (mut rotation, mut rate) = (Vector3::zeros(), Vector3::zeros());
-        for Phased { swing, phase_rad } in &self.swings {
-            let omega = TAU * swing.hz;
-            // A quarter turn between the axes: the unit describes ellipses, not lines.
+        for Phased { wave, phase_rad } in &self.harmonics {
+            let omega = TAU * wave.hz;
+            // Axes in quadrature: the unit moves on ellipses, not lines.
             for axis in 0..3 {
                 let phase = omega * time_s + phase_rad + FRAC_PI_2 * axis as f64;
                 let (sin, cos) = libm::sincos(phase);
-                let (v, r) = (swing.velocity_mps[axis], swing.rotation_rad[axis]);
-                velocity[axis] += v * share * cos;
-                acceleration[axis] += v * (share_rate * cos - share * omega * sin);
-                rotation[axis] += r * share * sin;
-                rate[axis] += r * (share_rate * sin + share * omega * cos);
+                let (v, r) = (wave.velocity_mps[axis], wave.rotation_rad[axis]);
+                velocity[axis] += v * fraction * cos;
+                acceleration[axis] += v * (fraction_rate * cos - fraction * omega * sin);
+                rotation[axis] += r * fraction * sin;
+                rate[axis] += r * (fraction_rate * sin + fraction * omega * cos);
             }
         }
-        swung(&k, [velocity, acceleration], [rotation, rate])
+        superposed(&k, [velocity, acceleration], [rotation, rate])
     }
 }
 
-/// A motion on top of another: velocity and acceleration, Rodrigues' vector and its rate, all in
-/// the body axes of the one below.
-pub(crate) fn swung(
+/// Adds a motion to another: velocity and acceleration, Rodrigues' vector and its rate, all in the body
+/// axes of the first.
+pub(crate) fn superposed(
     k: &Kinematics,
     [velocity, acceleration]: [Vector3<f64>; 2],
     [rotation, rate]: [Vector3<f64>; 2],

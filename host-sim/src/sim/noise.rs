@@ -1,4 +1,4 @@
-//! Seeded random numbers, and noise that remembers.
+//! Seeded random numbers, and correlated noise.
 
 use rand_core::Rng;
 use rand_pcg::Pcg64;
@@ -7,8 +7,8 @@ use super::receiver::Correlated;
 
 /// One named sequence of random numbers.
 ///
-/// Each source of randomness has its own, so that a change of one does not reshuffle another.
-/// The same bits on every machine: `libm`, and no library's idea of a distribution.
+/// Each source of randomness has its own, so that a change of one does not affect another. The same bits
+/// on every machine: distributions are implemented here, with `libm`.
 #[derive(Clone, Debug)]
 pub struct Random {
     generator: Pcg64,
@@ -19,7 +19,7 @@ impl Random {
     /// The sequence `name` of the run `seed`.
     pub fn stream(seed: u64, name: &str) -> Self {
         let name = fnv1a(name.as_bytes());
-        // Mixed into the state too: one state on two PCG streams starts alike.
+        // Mixed into the state as well: PCG streams with equal states start with correlated numbers.
         let high = mix(seed ^ name);
         let low = mix(high ^ name.rotate_left(32));
         Self {
@@ -46,7 +46,7 @@ impl Random {
         libm::exp(self.uniform(bounds.map(libm::log)))
     }
 
-    /// So in a share of the cases, else nothing.
+    /// With probability `share` log-uniform, else zero.
     pub fn sometimes(&mut self, share: f64, bounds: [f64; 2]) -> f64 {
         if self.chance(share) {
             self.log_uniform(bounds)
@@ -63,7 +63,7 @@ impl Random {
         if self.chance(0.5) { 1.0 } else { -1.0 }
     }
 
-    /// One of some, of which there is one at least, each as likely as another.
+    /// One of at least one, uniformly.
     #[allow(clippy::cast_possible_truncation)]
     pub fn one_of<'a, T>(&mut self, some: &'a [T]) -> &'a T {
         &some[(self.whole() % some.len() as u64) as usize]
@@ -102,35 +102,35 @@ fn mix(seed: u64) -> u64 {
 
 /// A Gauss-Markov process, stationary from the start, or one of jumps with the same covariance.
 #[derive(Clone, Debug)]
-pub(super) struct Memory {
+pub(super) struct GaussMarkov {
     value: f64,
-    keep: f64,
+    transition_factor: f64,
     sigma: f64,
     jumps: bool,
     random: Random,
 }
 
-impl Memory {
+impl GaussMarkov {
     pub(super) fn new(noise: &Correlated, step_s: f64, jumps: bool, mut random: Random) -> Self {
         Self {
             value: noise.sigma * random.normal(),
-            keep: libm::exp(-step_s / noise.time_s),
+            transition_factor: libm::exp(-step_s / noise.time_s),
             sigma: noise.sigma,
             jumps,
             random,
         }
     }
 
-    /// The value now; then one step on.
+    /// The current value; then advances by one step.
     pub(super) fn step(&mut self) -> f64 {
         let now = self.value;
         if self.jumps {
-            if !self.random.chance(self.keep) {
+            if !self.random.chance(self.transition_factor) {
                 self.value = self.sigma * self.random.normal();
             }
         } else if self.sigma > 0.0 {
-            let fresh = (1.0 - self.keep * self.keep).sqrt();
-            self.value = self.keep * now + self.sigma * fresh * self.random.normal();
+            let driving = (1.0 - self.transition_factor * self.transition_factor).sqrt();
+            self.value = self.transition_factor * now + self.sigma * driving * self.random.normal();
         }
         now
     }
@@ -172,7 +172,7 @@ mod tests {
         assert_correlation(&a, &a[1..], 0.0);
         assert_correlation(&a, &normals(1, "b"), 0.0);
         assert_correlation(&a, &normals(2, "a"), 0.0);
-        // The first draws of runs numbered one after another: what campaigns live on.
+        // First draws of runs with consecutive seeds, as campaigns use them.
         let first = |name| -> Vec<f64> {
             (0..COUNT as u64)
                 .map(|seed| Random::stream(seed, name).normal())
@@ -192,8 +192,9 @@ mod tests {
         };
         let runs: Vec<Vec<f64>> = (0..5000)
             .map(|seed| {
-                let mut memory = Memory::new(&noise, 0.1, false, Random::stream(seed, "test"));
-                (0..100).map(|_| memory.step()).collect()
+                let mut process =
+                    GaussMarkov::new(&noise, 0.1, false, Random::stream(seed, "test"));
+                (0..100).map(|_| process.step()).collect()
             })
             .collect();
         let at = |step: usize| -> Vec<f64> { runs.iter().map(|run| run[step]).collect() };
@@ -215,9 +216,9 @@ mod tests {
         };
         let runs: Vec<[f64; 2]> = (0..5000)
             .map(|seed| {
-                let mut memory = Memory::new(&noise, 0.1, true, Random::stream(seed, "test"));
-                let start = memory.step();
-                let later = (1..=10).map(|_| memory.step()).last();
+                let mut process = GaussMarkov::new(&noise, 0.1, true, Random::stream(seed, "test"));
+                let start = process.step();
+                let later = (1..=10).map(|_| process.step()).last();
                 [start, later.unwrap()]
             })
             .collect();

@@ -1,9 +1,9 @@
-//! A quantity that changes in smooth steps, with its exact integral and derivatives.
+//! A function of smooth steps, with its exact integral and derivatives.
 
 use super::noise::Random;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Local {
+pub struct Point {
     /// Integral from zero.
     pub integral: f64,
     pub value: f64,
@@ -46,16 +46,16 @@ impl Step {
     }
 
     /// The step's contribution `x` beyond its start.
-    fn at(&self, x: f64) -> Local {
+    fn at(&self, x: f64) -> Point {
         let Self {
             peak, rise, hold, ..
         } = *self;
         let rise_area = rise * rise / 7.0;
         if x <= 0.0 {
-            Local::default()
+            Point::default()
         } else if x < rise {
             let q = Quintic::at(x / rise);
-            Local {
+            Point {
                 integral: peak * rise * rise * q.double_integral,
                 value: peak * rise * q.integral,
                 slope: peak * q.value,
@@ -63,27 +63,27 @@ impl Step {
             }
         } else if x < rise + hold {
             let y = x - rise;
-            Local {
+            Point {
                 integral: peak * (rise_area + 0.5 * y * (rise + y)),
                 value: peak * (0.5 * rise + y),
                 slope: peak,
                 curvature: 0.0,
             }
         } else if x < self.length() {
-            // The fall is the rise seen from the end.
+            // The fall is the rise mirrored.
             let left = self.length() - x;
             let q = Quintic::at(left / rise);
-            Local {
+            Point {
                 integral: self.area() - self.change * left + peak * rise * rise * q.double_integral,
                 value: self.change - peak * rise * q.integral,
                 slope: peak * q.value,
                 curvature: -peak * q.slope / rise,
             }
         } else {
-            Local {
+            Point {
                 integral: self.area() + self.change * (x - self.length()),
                 value: self.change,
-                ..Local::default()
+                ..Point::default()
             }
         }
     }
@@ -115,29 +115,29 @@ impl Quintic {
     }
 }
 
-/// A start value and the steps that follow one another from there.
+/// A start value and consecutive steps.
 #[derive(Clone, Debug)]
 pub struct Profile {
-    spans: Vec<Span>,
+    segments: Vec<Segment>,
     cursor: usize,
 }
 
 /// From the start of a step to the start of the next.
 #[derive(Clone, Copy, Debug)]
-struct Span {
+struct Segment {
     step: Step,
     integral_before: f64,
     value_before: f64,
     value_after: f64,
 }
 
-impl Span {
-    fn at(&self, x: f64) -> Local {
+impl Segment {
+    fn at(&self, x: f64) -> Point {
         let beyond = x - self.step.start;
         let added = self.step.at(beyond);
-        Local {
+        Point {
             integral: self.integral_before + self.value_before * beyond + added.integral,
-            // Not the sum once the step is over: a car that has stopped stands exactly still.
+            // Not the sum after the step: a car that has stopped has exactly zero speed.
             value: if beyond < self.step.length() {
                 self.value_before + added.value
             } else {
@@ -151,36 +151,36 @@ impl Span {
 impl Profile {
     /// A constant.
     pub fn new(value: f64) -> Self {
-        let first = Span {
+        let first = Segment {
             step: Step::new(0.0, 0.0, 0.0, 1.0),
             integral_before: 0.0,
             value_before: value,
             value_after: value,
         };
         Self {
-            spans: vec![first],
+            segments: vec![first],
             cursor: 0,
         }
     }
 
     pub fn last_value(&self) -> f64 {
-        self.spans[self.spans.len() - 1].value_after
+        self.segments[self.segments.len() - 1].value_after
     }
 
     /// Adds a step from `start` to `value` with slope up to `peak` (its sign does not matter)
     /// that builds up over `rise`; returns where it is over.
     ///
     /// # Panics
-    /// If it starts before the last one is over: one could not tell their values apart.
+    /// If it starts before the last one is over.
     pub fn step_to(&mut self, value: f64, start: f64, peak: f64, rise: f64) -> f64 {
-        let last = self.spans[self.spans.len() - 1];
+        let last = self.segments[self.segments.len() - 1];
         let last_end = last.step.start + last.step.length();
         assert!(
-            start >= last_end || self.spans.len() == 1,
+            start >= last_end || self.segments.len() == 1,
             "step at {start} overlaps the one that ends at {last_end}"
         );
         let step = Step::new(start, value - last.value_after, peak, rise);
-        self.spans.push(Span {
+        self.segments.push(Segment {
             step,
             integral_before: last.at(start).integral,
             value_before: last.value_after,
@@ -201,19 +201,19 @@ impl Profile {
         self.step_to(value, start, peak, rise)
     }
 
-    /// The quantity at `x`; a search from the last place, so cheap if `x` grows slowly.
-    pub fn at(&mut self, x: f64) -> Local {
-        while self.cursor > 0 && x < self.spans[self.cursor].step.start {
+    /// The function at `x`; searched from the last segment, so cheap if `x` grows slowly.
+    pub fn at(&mut self, x: f64) -> Point {
+        while self.cursor > 0 && x < self.segments[self.cursor].step.start {
             self.cursor -= 1;
         }
         while self
-            .spans
+            .segments
             .get(self.cursor + 1)
             .is_some_and(|next| x >= next.step.start)
         {
             self.cursor += 1;
         }
-        self.spans[self.cursor].at(x)
+        self.segments[self.cursor].at(x)
     }
 }
 
@@ -246,14 +246,14 @@ mod tests {
     #[test]
     fn ends_exactly_where_told() {
         let mut profile = profile();
-        let end = Local {
+        let end = Point {
             integral: profile.at(30.0).integral,
-            ..Local::default()
+            ..Point::default()
         };
         assert_eq!(profile.at(30.0), end);
         assert_eq!(
             profile.at(9.9),
-            Local {
+            Point {
                 integral: profile.at(9.9).integral,
                 value: 7.0,
                 ..end

@@ -1,8 +1,8 @@
-//! What receivers do beside white noise: an error-model file may say so in `[gnss.habits]`.
+//! Receiver behaviour beside white noise: `[gnss.habits]` of an error-model file.
 
 use serde::{Deserialize, Serialize};
 
-/// Noise with a memory, a Gauss-Markov process.
+/// Correlated noise, a Gauss-Markov process.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correlated {
@@ -19,20 +19,20 @@ impl Default for Correlated {
     }
 }
 
-/// What stands where vertical velocity should.
+/// Content of the vertical velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Up {
     #[default]
     Given,
     Missing,
-    /// Zero, whatever it is.
+    /// Always zero.
     Zero,
     /// Vertical velocity, down positive.
     Down,
 }
 
-/// The noise that a receiver says its fixes have.
+/// Sigmas that a receiver states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stated {
@@ -46,32 +46,32 @@ pub enum Stated {
     All,
 }
 
-/// What a row of the log is filled with while something is wrong.
+/// Receiver faults, by their effect on the log.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Wrong {
-    /// The velocity is zero, the position goes on.
+    /// The velocity is zero, the position correct.
     ZeroVelocity,
-    /// Velocity and position are off by so much, ENU, and the position by more every second.
+    /// Offsets of velocity and position, ENU; the position also drifts with the velocity offset.
     Off {
         velocity_mps: [f64; 3],
         position_m: [f64; 3],
     },
     /// Latitude, longitude, height and velocity are zero.
     Zeros,
-    /// The last fix before goes on under new stamps.
+    /// The last fix before is repeated with new stamps.
     Stuck,
     /// Neither position nor height.
     NoPosition,
-    /// Noise, white and correlated, is so many times what it is elsewhere; the stated one is not.
+    /// Factor on white and correlated noise, which the stated sigmas do not show.
     Noisy(f64),
-    /// The last velocity before goes on, and the position with it: a receiver that bridges a tunnel.
+    /// Extrapolation with the last velocity before: a receiver that bridges a tunnel.
     Coasting,
-    /// The position is off by so much, ENU, m, and as much is stated: ambiguities are not fixed.
+    /// Position offset, ENU, m, and a stated sigma to match: float ambiguities.
     Float([f64; 3]),
 }
 
-/// A time at which something is wrong.
+/// A receiver fault in an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trouble {
@@ -81,12 +81,12 @@ pub struct Trouble {
 }
 
 impl Trouble {
-    pub fn holds(&self, time_s: f64) -> bool {
+    pub fn contains(&self, time_s: f64) -> bool {
         (self.start_s..self.start_s + self.duration_s).contains(&time_s)
     }
 }
 
-/// Single fixes far off.
+/// Outliers: single fixes with large errors, one sigma.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outliers {
@@ -100,27 +100,27 @@ pub struct Outliers {
 #[serde(default, deny_unknown_fields)]
 #[allow(clippy::struct_excessive_bools)]
 pub struct Habits {
-    /// Velocity noise on top of the white one, each component, m/s.
+    /// Velocity noise in addition to the white one, each component, m/s.
     pub velocity: Correlated,
-    /// Noise of east and north position on top of the white one, m.
+    /// Noise of east and north position in addition to the white one, m.
     pub horizontal: Correlated,
-    /// Noise of height on top of the white one, m.
+    /// Noise of height in addition to the white one, m.
     pub vertical: Correlated,
-    /// Whether the noise of positions jumps from value to value, as satellites come and go, instead
-    /// of wandering; what it remembers is the same.
+    /// Whether the correlated noise of positions jumps, as satellites rise and set, instead of being
+    /// Gauss-Markov; its autocorrelation is the same.
     pub position_jumps: bool,
     /// Time constant with which the receiver smooths position and velocity, s.
     pub smoothing_s: f64,
     pub smooths_position: bool,
-    /// Whether a velocity is the way from the last position, by the time between.
+    /// Whether velocities are differences of positions.
     pub velocity_by_differences: bool,
-    /// Slower than this the position stands still and the velocity is zero, m/s.
+    /// Position hold: below this speed the position is constant and the velocity zero, m/s.
     pub holds_below_mps: f64,
     /// Antenna from the inertial sensors, body axes, m.
     pub lever_arm_m: [f64; 3],
-    /// What the receiver's clock gains on that of the inertial stamps, s/s: the latency grows.
+    /// Drift of the receiver's clock against that of the inertial stamps, s/s: the latency grows.
     pub clock_drift: f64,
-    /// How much later than its stamp a fix arrives, s; drawn anew for each, but none overtakes.
+    /// Bounds of the delay of arrival after the stamp, s; drawn for each fix, but the order is kept.
     pub delay_s: [f64; 2],
     pub gives_position: bool,
     pub gives_height: bool,
@@ -129,7 +129,7 @@ pub struct Habits {
     pub stated: Stated,
     pub outliers: Outliers,
     pub troubles: Vec<Trouble>,
-    /// Every fix is logged so often, under stamps of its own until the next.
+    /// Number of times that every fix is logged, with stamps of its own until the next.
     pub logged_times: u32,
 }
 

@@ -1,5 +1,5 @@
-//! What a unit really puts out at rest, in place of white noise: resampled in blocks, so that its
-//! colour and its vibration stay, and those of all six sensors together.
+//! Recorded noise of a unit at rest in place of white noise: a block bootstrap, which preserves spectrum,
+//! vibration and the correlation of all six sensors.
 
 use nalgebra::Vector3;
 
@@ -9,33 +9,33 @@ use crate::statistics::{rms, whole};
 /// Readings at rest less their mean, rad/s and m/s^2, body axes right-forward-up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedNoise {
-    /// Stretches of rest, sample by sample: gyros, accelerometers.
-    stretches: Vec<Vec<[Vector3<f64>; 2]>>,
+    /// Segments at rest, sample by sample: gyros, accelerometers.
+    segments: Vec<Vec<[Vector3<f64>; 2]>>,
     block: usize,
 }
 
 impl RecordedNoise {
-    /// Of stretches of rest, of which at least one is as long as a block.
-    pub fn new(mut stretches: Vec<Vec<[Vector3<f64>; 2]>>, block: usize) -> Option<Self> {
-        stretches.retain(|stretch| stretch.len() >= block);
-        for stretch in &mut stretches {
-            let count = stretch.len() as f64;
+    /// From segments at rest, of which at least one is as long as a block.
+    pub fn new(mut segments: Vec<Vec<[Vector3<f64>; 2]>>, block: usize) -> Option<Self> {
+        segments.retain(|segment| segment.len() >= block);
+        for segment in &mut segments {
+            let count = segment.len() as f64;
             let means = [0, 1].map(|kind| {
-                let sum: Vector3<f64> = stretch.iter().map(|reading| reading[kind]).sum();
+                let sum: Vector3<f64> = segment.iter().map(|reading| reading[kind]).sum();
                 sum / count
             });
-            for reading in stretch {
+            for reading in segment {
                 for (value, mean) in reading.iter_mut().zip(means) {
                     *value -= mean;
                 }
             }
         }
-        (block > 0 && !stretches.is_empty()).then_some(Self { stretches, block })
+        (block > 0 && !segments.is_empty()).then_some(Self { segments, block })
     }
 
-    /// Root mean squares, gyros and accelerometers: those of another recording are others.
+    /// RMS of gyros and accelerometers, which identify the recording.
     pub fn rms(&self) -> [f64; 2] {
-        let all = || self.stretches.iter().flatten();
+        let all = || self.segments.iter().flatten();
         [0, 1].map(|kind| rms(all().map(|reading| reading[kind].norm())))
     }
 }
@@ -45,9 +45,9 @@ impl RecordedNoise {
 pub struct Resampled {
     from: RecordedNoise,
     random: Random,
-    stretch: usize,
+    segment: usize,
     at: usize,
-    left: usize,
+    remaining: usize,
 }
 
 impl Resampled {
@@ -55,35 +55,35 @@ impl Resampled {
         Self {
             from: from.clone(),
             random: Random::stream(seed, "recorded noise"),
-            stretch: 0,
+            segment: 0,
             at: 0,
-            left: 0,
+            remaining: 0,
         }
     }
 
     /// The next reading's noise: gyros, accelerometers.
     pub fn step(&mut self) -> [Vector3<f64>; 2] {
-        if self.left == 0 {
+        if self.remaining == 0 {
             self.begin_block();
         }
-        let noise = self.from.stretches[self.stretch][self.at];
+        let noise = self.from.segments[self.segment][self.at];
         self.at += 1;
-        self.left -= 1;
+        self.remaining -= 1;
         noise
     }
 
-    /// Every block of every stretch is as likely.
+    /// Uniform over all blocks of all segments.
     fn begin_block(&mut self) {
         let block = self.from.block;
-        let starts = |stretch: &Vec<_>| stretch.len() + 1 - block;
-        let all: usize = self.from.stretches.iter().map(starts).sum();
+        let starts = |segment: &Vec<_>| segment.len() + 1 - block;
+        let all: usize = self.from.segments.iter().map(starts).sum();
         let mut start = whole(self.random.unit() * all as f64);
-        self.stretch = 0;
-        while start >= starts(&self.from.stretches[self.stretch]) {
-            start -= starts(&self.from.stretches[self.stretch]);
-            self.stretch += 1;
+        self.segment = 0;
+        while start >= starts(&self.from.segments[self.segment]) {
+            start -= starts(&self.from.segments[self.segment]);
+            self.segment += 1;
         }
-        (self.at, self.left) = (start, block);
+        (self.at, self.remaining) = (start, block);
     }
 }
 

@@ -1,7 +1,6 @@
-//! Vehicles other than cars, all kinematic and cheap: a boat that swings at anchor, then sails; a
-//! person on foot; a small aircraft that turns in steep banks, and a quadrotor of small, quick
-//! manoeuvres. Waves and the bobbing of steps are a [`super::motion::Shaken`] on top; for forces on
-//! an aircraft see `crate::aircraft`.
+//! Kinematic models of other vehicles: a boat that swings at anchor, then sails; a pedestrian; a small
+//! aircraft with steep turns, and a quadrotor with small, quick manoeuvres. Waves and steps are added by
+//! [`super::motion::Oscillating`]; for forces on an aircraft see `crate::aircraft`.
 
 use core::f64::consts::{PI, TAU};
 
@@ -10,21 +9,21 @@ use nalgebra::Vector3;
 
 use super::motion::{Kinematics, Motion, Path, kinematics, level};
 use super::noise::Random;
-use super::profile::{Local, Profile};
+use super::profile::{Point, Profile};
 use crate::log::GRAVITY_MPS2;
 
-/// Angle of attack at one g and what every further g adds: that of a light wing, rad.
+/// Angle of attack at one g and its increase per further g: that of a light wing, rad.
 const ATTACK_RAD: f64 = 0.05;
 const ATTACK_RAD_PER_G: f64 = 0.07;
 /// Drag of a small frame, m/s^2 per m/s.
 const DRAG_PER_S: f64 = 0.3;
 
-/// How it swings at anchor.
+/// Swing at anchor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchored {
-    /// When it sails, s.
+    /// Time of departure, s.
     pub until_s: f64,
-    /// From one end to the same end, s.
+    /// Period of the swing, s.
     pub period_s: f64,
     pub peak_radps: f64,
 }
@@ -49,7 +48,7 @@ impl Boat {
     const HELM: [[f64; 2]; 2] = [[0.05, 0.15], [3.0, 5.0]];
     /// From the anchor to the bow, m.
     const RODE_M: [f64; 2] = [15.0, 40.0];
-    /// Time in which the swinging dies away under way.
+    /// Time in which the swing decays under way.
     const FADE_S: f64 = 15.0;
 
     /// At least `duration_s` of it, chosen by `seed`.
@@ -82,12 +81,12 @@ impl Boat {
     }
 
     /// The swing of the heading, with two derivatives.
-    fn swing(&mut self, time_s: f64) -> Local {
+    fn swing(&mut self, time_s: f64) -> Point {
         let omega = TAU / self.anchored.period_s;
         let amplitude = self.anchored.peak_radps / omega;
         let (sin, cos) = libm::sincos(omega * time_s + self.phase_rad);
         let fade = self.fade.at(time_s);
-        Local {
+        Point {
             integral: 0.0,
             value: amplitude * fade.value * sin,
             slope: amplitude * (fade.slope * sin + fade.value * omega * cos),
@@ -103,14 +102,14 @@ impl Motion for Boat {
         let along = self.speed.at(time_s);
         let course = self.course.at(time_s);
         let swing = self.swing(time_s);
-        let heading = Local {
+        let heading = Point {
             integral: 0.0,
             value: course.value + swing.value,
             slope: course.slope + swing.slope,
             curvature: course.curvature + swing.curvature,
         };
         let path = Path::new(&along, &heading, 0.0, 0.0);
-        // The bow points at the anchor: the boat goes round it.
+        // The bow points at the anchor: the boat moves on a circle about it.
         let (sin, cos) = libm::sincos(heading.value);
         let (ahead, right) = (Vector3::new(sin, cos, 0.0), Vector3::new(cos, -sin, 0.0));
         let round = -self.rode_m * swing.slope * right;
@@ -188,7 +187,7 @@ pub enum Begin {
     InFlight,
 }
 
-/// An aircraft on its way, in coordinated turns and a steady wind.
+/// An aircraft in coordinated turns and a constant wind.
 #[derive(Clone, Debug)]
 pub struct Plane {
     speed: Profile,
@@ -222,7 +221,7 @@ impl Plane {
             speed: Profile::new(if in_flight { cruise } else { 0.0 }),
             heading,
             climb: Profile::new(0.0),
-            // On the ground the wind does not carry it: then there is none.
+            // A start on the ground is without wind, which would move the aircraft.
             wind_mps: Self::WIND_MPS * if in_flight { wind } else { Vector3::zeros() },
         };
         let mut now_s = random.uniform(Self::STRAIGHT_S);
@@ -360,18 +359,18 @@ impl Motion for Quadrotor {
     fn kinematics(&mut self, time_s: f64) -> Kinematics {
         let [e, n, u] = [&mut self.east, &mut self.north, &mut self.up].map(|p| p.at(time_s));
         let heading = self.heading.at(time_s);
-        let three = |of: fn(&Local) -> f64| Vector3::new(of(&e), of(&n), of(&u));
+        let three = |of: fn(&Point) -> f64| Vector3::new(of(&e), of(&n), of(&u));
         let (velocity, acceleration) = (three(|x| x.value), three(|x| x.slope));
-        // Thrust holds gravity and drag and gives the acceleration; the rotors push along up.
+        // Thrust balances gravity and drag and gives the acceleration; it is along the up axis.
         let thrust = acceleration + DRAG_PER_S * velocity + Vector3::new(0.0, 0.0, GRAVITY_MPS2);
         let thrust_rate = three(|x| x.curvature) + DRAG_PER_S * acceleration;
-        let (angles, rates) = leaned(&thrust, &thrust_rate, &heading);
+        let (angles, rates) = thrust_angles(&thrust, &thrust_rate, &heading);
         kinematics(velocity, acceleration, &angles, &rates)
     }
 }
 
 /// Angles that put the up axis along a thrust, and their rates.
-fn leaned(thrust: &Vector3<f64>, rate: &Vector3<f64>, heading: &Local) -> (Euler, Euler) {
+fn thrust_angles(thrust: &Vector3<f64>, rate: &Vector3<f64>, heading: &Point) -> (Euler, Euler) {
     let (sin, cos) = libm::sincos(heading.value);
     // Right and ahead of the heading; these axes turn with it.
     let (f_right, f_ahead) = (
@@ -380,17 +379,17 @@ fn leaned(thrust: &Vector3<f64>, rate: &Vector3<f64>, heading: &Local) -> (Euler
     );
     let d_right = cos * rate.x - sin * rate.y - heading.slope * f_ahead;
     let d_ahead = sin * rate.x + cos * rate.y + heading.slope * f_right;
-    let upright = libm::hypot(f_ahead, thrust.z);
-    let upright_rate = (f_ahead * d_ahead + thrust.z * rate.z) / upright;
-    let all2 = f_right * f_right + upright * upright;
+    let ahead_up = libm::hypot(f_ahead, thrust.z);
+    let ahead_up_rate = (f_ahead * d_ahead + thrust.z * rate.z) / ahead_up;
+    let all2 = f_right * f_right + ahead_up * ahead_up;
     let angles = Euler {
-        roll_rad: libm::atan2(f_right, upright),
+        roll_rad: libm::atan2(f_right, ahead_up),
         pitch_rad: -libm::atan2(f_ahead, thrust.z),
         heading_rad: heading.value,
     };
     let rates = Euler {
-        roll_rad: (d_right * upright - f_right * upright_rate) / all2,
-        pitch_rad: -(d_ahead * thrust.z - f_ahead * rate.z) / (upright * upright),
+        roll_rad: (d_right * ahead_up - f_right * ahead_up_rate) / all2,
+        pitch_rad: -(d_ahead * thrust.z - f_ahead * rate.z) / (ahead_up * ahead_up),
         heading_rad: heading.slope,
     };
     (angles, rates)

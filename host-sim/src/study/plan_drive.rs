@@ -216,7 +216,7 @@ fn true_values(
 ) -> Estimates {
     let (errors, end) = (bench.errors(), bench.end());
     let up = found.level_force_mps2.normalize();
-    let felt = errors.felt_accel_bias_mps2(&end.position, &up);
+    let felt = errors.effective_accel_bias_mps2(&end.position, &up);
     let cross_axis = errors.gyro_matrix - Matrix3::from_diagonal(&errors.gyro_matrix.diagonal());
     let azimuth_left = (solution.attitude * end.attitude.inverse()).scaled_axis().z;
     let value = |value: f64| Estimate {

@@ -140,7 +140,7 @@ fn is_made_up(fix: &GnssFix, habits: &Habits) -> bool {
         && fix.velocity_enu_mps() == Vector3::zeros();
     let mut troubles = habits.troubles.iter();
     let made_up = |wrong: Wrong| matches!(wrong, Wrong::Coasting | Wrong::Float(_));
-    holds || troubles.any(|t| made_up(t.wrong) && t.holds(fix.time.as_seconds()))
+    holds || troubles.any(|t| made_up(t.wrong) && t.contains(fix.time.as_seconds()))
 }
 
 /// What is measured by itself, up positive.

@@ -51,6 +51,6 @@ impl Truth {
 
     /// What the accelerometers are felt to be biased by where this is up.
     pub fn accel_bias_mps2(&self, up: &Vector3<f64>) -> Vector3<f64> {
-        self.sensors.felt_accel_bias_mps2(&self.origin, up)
+        self.sensors.effective_accel_bias_mps2(&self.origin, up)
     }
 }

@@ -6,10 +6,10 @@ use ins_core::earth::Geodetic;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::log::Grade;
-use crate::sim::car::{Car, Way};
-use crate::sim::drive::{Recording, ten_a_second};
+use crate::sim::car::{Car, RouteBounds};
+use crate::sim::drive::{Recording, truth_stride};
 use crate::sim::errors::{ErrorModel, Outage};
-use crate::sim::motion::{Mounted, Shaken, Slip, Swing, When};
+use crate::sim::motion::{Envelope, Harmonic, Mounted, Oscillating, Slip};
 use crate::sim::noise::Random;
 use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong};
 use crate::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
@@ -28,7 +28,7 @@ pub enum Vehicle {
     /// A family car on a motorway, from the bend of its ramp on.
     Motorway,
     /// What goes straight and turns, on wheels or wings.
-    OnWay(Way),
+    OnWay(RouteBounds),
     /// A boat at anchor that sails then.
     Boat(Anchored),
     /// An aircraft whose turns are banked between two angles, rad.
@@ -57,7 +57,7 @@ pub struct World {
     pub origin: Geodetic,
     pub vehicle: Vehicle,
     /// What swings on top.
-    pub shakes: Vec<(When, Vec<Swing>)>,
+    pub shakes: Vec<(Envelope, Vec<Harmonic>)>,
     /// From the axes of the unit to those of the vehicle.
     pub mount: UnitQuaternion<f64>,
     /// Whether that slips; the antenna is on the unit then.
@@ -123,7 +123,7 @@ impl World {
             seed: self.seed,
             duration_s: self.duration_s(),
             imu_hz: self.imu_hz,
-            truth_every: ten_a_second(self.imu_hz),
+            truth_every: truth_stride(self.imu_hz),
             origin: self.origin,
             errors,
         };
@@ -137,7 +137,7 @@ impl World {
                 Box::new(Car::new(seed, duration_s, rest_s).leaning(lean))
             }
             Vehicle::Motorway => Box::new(Car::on_motorway(seed, duration_s)),
-            Vehicle::OnWay(way) => Box::new(Car::on_way(seed, duration_s, &way)),
+            Vehicle::OnWay(way) => Box::new(Car::on_route(seed, duration_s, &way)),
             Vehicle::Boat(anchored) => Box::new(Boat::new(seed, duration_s, anchored)),
             Vehicle::Plane { bank_rad, begin } => {
                 Box::new(Plane::new(seed, duration_s, bank_rad, begin))
@@ -146,7 +146,7 @@ impl World {
             Vehicle::Walker { rest_s } => Box::new(Walker::new(seed, duration_s, rest_s)),
         };
         for (when, swings) in &self.shakes {
-            motion = Box::new(Shaken::new(motion, swings, *when, seed));
+            motion = Box::new(Oscillating::new(motion, swings, *when, seed));
         }
         Box::new(Mounted::new(motion, self.mount).slipping(self.slip))
     }

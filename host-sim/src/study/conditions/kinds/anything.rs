@@ -7,8 +7,8 @@ use ins_core::ImuOutput;
 use super::shakes;
 use crate::log::Grade;
 use crate::sim::barometer::BarometerModel;
-use crate::sim::car::Way;
-use crate::sim::motion::When;
+use crate::sim::car::RouteBounds;
+use crate::sim::motion::Envelope;
 use crate::sim::receiver::{Stated, Up, Wrong};
 use crate::sim::vehicles::Begin;
 use crate::study::conditions::Vehicle;
@@ -30,7 +30,7 @@ fn vehicle(w: &mut World) {
     let shake_mps2 = draw.log_uniform([0.2, 4.0]);
     let shake_radps = draw.log_uniform([0.01, 0.15]);
     let mut shakes = draw.chance(0.4);
-    let mut when = When::Moving(draw.uniform([3.0, 15.0]));
+    let mut when = Envelope::Moving(draw.uniform([3.0, 15.0]));
     match draw.whole() % 7 {
         0 => {
             let stands = draw.chance(0.7);
@@ -46,7 +46,7 @@ fn vehicle(w: &mut World) {
             let lateral_mps2 = draw.log_uniform([0.4, 4.0]);
             let stops = draw.chance(0.4);
             let balanced = draw.chance(0.3);
-            w.vehicle = Vehicle::OnWay(Way {
+            w.vehicle = Vehicle::OnWay(RouteBounds {
                 rest_s: [5.0, 90.0],
                 speed_mps: [draw.uniform([0.3, 0.8]) * fastest_mps, fastest_mps],
                 straight_s: [0.3 * straight_s, 2.0 * straight_s],
@@ -54,7 +54,7 @@ fn vehicle(w: &mut World) {
                 turn_rad: [0.1, draw.uniform([0.8, PI])],
                 lateral_mps2: [0.3 * lateral_mps2, lateral_mps2],
                 roll_rad_per_mps2: if balanced {
-                    Way::BALANCED
+                    RouteBounds::BALANCED
                 } else {
                     draw.uniform([-0.01, 0.0])
                 },
@@ -79,7 +79,7 @@ fn vehicle(w: &mut World) {
             let stands = draw.chance(0.7);
             let ground_s = stands.then(|| draw.uniform([5.0, 60.0]));
             w.vehicle = Vehicle::Quadrotor { ground_s };
-            (shakes, when) = (true, When::Always);
+            (shakes, when) = (true, Envelope::Always);
         }
         6 if w.class == Grade::Mems => {
             let rest_s = draw.uniform([3.0, 40.0]);
@@ -90,7 +90,7 @@ fn vehicle(w: &mut World) {
             shakes = false;
         }
         // The plain car, shaken at rest as well.
-        _ => when = When::Always,
+        _ => when = Envelope::Always,
     }
     if shakes {
         w.shakes

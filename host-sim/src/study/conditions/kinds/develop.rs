@@ -9,9 +9,9 @@ use super::shakes;
 use super::{BOTH, Kind, MEMS, in_company, kinds};
 use crate::log::Grade;
 use crate::sim::barometer::BarometerModel;
-use crate::sim::car::Way;
+use crate::sim::car::RouteBounds;
 use crate::sim::errors::BiasModel;
-use crate::sim::motion::When;
+use crate::sim::motion::Envelope;
 use crate::sim::receiver::{Correlated, Stated, Up, Wrong};
 use crate::sim::vehicles::Begin;
 use crate::study::conditions::Vehicle;
@@ -124,13 +124,13 @@ kinds! { judge: false,
     "static_hold", MEMS, 15.0,
     "queue at 1.5 to 7 m/s, stops of 4 to 40 s; below 0.3 m/s no velocity and one place, 5 Hz"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [1.5, 7.0],
             straight_s: [5.0, 20.0],
             stop_s: Some([4.0, 40.0]),
             turn_rad: [0.03, 0.5],
             lateral_mps2: [0.3, 1.2],
-            ..Way::ROAD
+            ..RouteBounds::ROAD
         });
         w.receiver(5.0, [0.05, 0.03, 3.0], [0.5, 1.5, 60.0]);
         w.habits().holds_below_mps = 0.3;
@@ -190,7 +190,7 @@ kinds! { judge: false,
         => |w| w.shakes.push(shakes::velocity_at(8.7, 0.05));
     "truck", BOTH, 15.0,
     "idles at 28 Hz with 1.5 m/s^2 and rocks by 0.2 deg while it stands" => |w| {
-        w.shakes.push(shakes::engine(When::Always, 28.0, 1.5, 0.05));
+        w.shakes.push(shakes::engine(Envelope::Always, 28.0, 1.5, 0.05));
         w.shakes.push(shakes::sway(1.1, 0.2));
     };
     "motorway", BOTH, 18.0,
@@ -206,16 +206,16 @@ kinds! { judge: false,
     "furrows", BOTH, 20.0,
     "tractor at 2 m/s, to and fro in 40 to 120 s, antenna up to 3 m away, 0.4 m/s^2 at 32 Hz"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [1.6, 2.6],
             straight_s: [40.0, 120.0],
             turn_rad: [PI, PI],
             lateral_mps2: [0.2, 0.5],
-            ..Way::ROAD
+            ..RouteBounds::ROAD
         });
         w.noise([0.03, 0.02, 2.0], [0.3, 0.6, 100.0]);
         w.antenna_within([0.5, 1.0, 3.0]);
-        w.shakes.push(shakes::engine(When::Always, 31.7, 0.4, 0.0));
+        w.shakes.push(shakes::engine(Envelope::Always, 31.7, 0.4, 0.0));
     };
     "boat", BOTH, 20.0, "swings at anchor by 0.3 deg/s to and fro in 4 min, then sails" => |w| {
         w.boat(300.0, 240.0, 0.3);
@@ -232,7 +232,7 @@ kinds! { judge: false,
             ground_s: Some(20.0),
         };
         w.receiver(5.0, [0.05, 0.05, 1.0], [0.5, 1.5, 60.0]);
-        w.shakes.push(shakes::engine(When::Always, 87.0, 3.0, 0.1));
+        w.shakes.push(shakes::engine(Envelope::Always, 87.0, 3.0, 0.1));
     };
     "survey_drone", MEMS, 12.0,
     "quadrotor, positions to 0.02 m, or off by 0.5 m for 30 s every minute or two and stated so"
@@ -244,7 +244,7 @@ kinds! { judge: false,
         w.antenna_within([0.1, 0.1, 0.3]);
         w.floats(60.0, 0.5, [30.0, 30.0]);
         w.imu_hz = 250.0;
-        w.shakes.push(shakes::engine(When::Always, 93.0, 3.0, 0.05));
+        w.shakes.push(shakes::engine(Envelope::Always, 93.0, 3.0, 0.05));
     };
     "steep_banks", BOTH, 15.0, "fixed wing, banks of 50 to 55 deg, from the ground"
         => |w| w.fixed_wing([50.0, 55.0], Begin::OnGround, 5.0);
@@ -268,7 +268,7 @@ kinds! { judge: false,
     };
     "barometer_alone_vertical", BOTH, 15.0,
     "hills, level position and velocity at 1 Hz, nothing vertical but a barometer" => |w| {
-        w.vehicle = Vehicle::OnWay(Way { steep: 2.0, ..Way::ROAD });
+        w.vehicle = Vehicle::OnWay(RouteBounds { steep: 2.0, ..RouteBounds::ROAD });
         w.receiver(1.0, [0.05, 0.03, 3.0], [0.8, 2.0, 60.0]);
         w.habits().gives_height = false;
         w.habits().up = Up::Missing;

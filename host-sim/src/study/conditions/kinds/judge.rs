@@ -9,9 +9,9 @@ use super::anything::anything;
 use super::shakes;
 use super::{BOTH, Kind, MEMS, in_company, kinds};
 use crate::sim::barometer::BarometerModel;
-use crate::sim::car::Way;
+use crate::sim::car::RouteBounds;
 use crate::sim::errors::BiasModel;
-use crate::sim::motion::When;
+use crate::sim::motion::Envelope;
 use crate::sim::receiver::{Stated, Up, Wrong};
 use crate::sim::vehicles::Begin;
 use crate::study::conditions::Vehicle;
@@ -136,13 +136,13 @@ kinds! { judge: true,
     "mountain_road", BOTH, 15.0,
     "hairpins, grades up to 12 %; velocity smoothed over 1 s, position not, 5 Hz, no sigma stated"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [7.0, 16.0],
             straight_s: [3.0, 20.0],
             turn_rad: [0.3, 3.0],
             lateral_mps2: [1.0, 2.5],
             steep: 3.0,
-            ..Way::ROAD
+            ..RouteBounds::ROAD
         });
         w.receiver(5.0, [0.05, 0.0, 1.0], [0.8, 2.0, 60.0]);
         w.habits().smoothing_s = 1.0;
@@ -152,18 +152,18 @@ kinds! { judge: true,
     "far_north", BOTH, 15.0,
     "snowmobile, 78 deg north, velocity the difference of positions that wander by 1.5 m, 1 Hz"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [5.0, 18.0],
             roll_rad_per_mps2: 0.0,
             steep: 2.0,
-            ..Way::ROAD
+            ..RouteBounds::ROAD
         });
         w.origin.latitude_rad = 78.2_f64.to_radians();
         w.errors.gnss.rate_hz = 1.0;
         w.position_noise([0.1, 1.5, 40.0]);
         w.habits().velocity_by_differences = true;
         w.habits().stated = Stated::Nothing;
-        w.shakes.push(shakes::engine(When::Moving(5.0), 43.3, 2.0, 0.0));
+        w.shakes.push(shakes::engine(Envelope::Moving(5.0), 43.3, 2.0, 0.0));
     };
     "long_outages", BOTH, 18.0,
     "two minutes without fixes, twice or thrice, begins in motion" => |w| {
@@ -246,20 +246,20 @@ kinds! { judge: true,
     "motorcycle", MEMS, 15.0,
     "leans by up to 25 deg, vibration of 8.5 m/s^2 clips at 2 g, gyros read to 0.06 deg/s"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [8.0, 22.0],
             lateral_mps2: [2.0, 4.5],
-            roll_rad_per_mps2: Way::BALANCED,
-            ..Way::ROAD
+            roll_rad_per_mps2: RouteBounds::BALANCED,
+            ..RouteBounds::ROAD
         });
         w.errors.imu.accel_range_mps2 = 19.6;
         w.errors.gyro_deg_h.resolution = 216.0;
-        w.shakes.push(shakes::engine(When::Moving(12.0), 43.3, 8.5, 0.0));
+        w.shakes.push(shakes::engine(Envelope::Moving(12.0), 43.3, 8.5, 0.0));
     };
     "tram", BOTH, 18.0,
     "stops, wide curves, 7 to 16 m/s; below 0.5 m/s no velocity and one place, 2 Hz"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             rest_s: [60.0, 120.0],
             speed_mps: [7.0, 16.0],
             straight_s: [12.0, 50.0],
@@ -275,13 +275,13 @@ kinds! { judge: true,
     "field_robot", MEMS, 20.0,
     "1 to 2.5 m/s, turns every 8 to 30 s, 5 Hz, positions to 0.02 m, or off by 0.8 m and stated so"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [1.0, 2.5],
             straight_s: [8.0, 30.0],
             turn_rad: [1.2, PI],
             lateral_mps2: [0.3, 0.8],
             roll_rad_per_mps2: 0.0,
-            ..Way::ROAD
+            ..RouteBounds::ROAD
         });
         w.receiver(5.0, [0.02, 0.01, 1.0], [0.012, 0.015, 60.0]);
         w.antenna_within([0.2, 0.4, 1.2]);
@@ -289,7 +289,7 @@ kinds! { judge: true,
     };
     "rough_truck", MEMS, 15.0,
     "idles at 23 Hz with 4 m/s^2, rocks by 0.5 deg, antenna 2 m away, leans" => |w| {
-        w.shakes.push(shakes::engine(When::Always, 23.0, 4.0, 0.15));
+        w.shakes.push(shakes::engine(Envelope::Always, 23.0, 4.0, 0.15));
         w.shakes.push(shakes::sway(0.7, 0.5));
         w.antenna_within([1.0, 2.0, 2.0]);
         w.vehicle = Vehicle::Car {
@@ -342,7 +342,7 @@ kinds! { judge: true,
         w.errors.gnss.latency_s = [0.2, 0.4];
         w.noise([0.05, 0.08, 2.0], [0.5, 1.5, 60.0]);
         w.tilt_mount([0.0, 180.0]);
-        w.shakes.push(shakes::engine(When::Always, 61.0, 2.0, 0.2));
+        w.shakes.push(shakes::engine(Envelope::Always, 61.0, 2.0, 0.2));
     };
     "nothing_vertical_in_flight", BOTH, 15.0,
     "fixed wing, banks of 25 to 45 deg, from the ground, level position and velocity alone" => |w| {
@@ -353,14 +353,14 @@ kinds! { judge: true,
     "glider", BOTH, 18.0,
     "begins at rest, circles for 1 to 5 min in banks of 17 to 34 deg, 34 deg south, 4 Hz"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [23.0, 32.0],
             straight_s: [10.0, 60.0],
             turn_rad: [10.0, 45.0],
             lateral_mps2: [3.0, 5.8],
-            roll_rad_per_mps2: Way::BALANCED,
+            roll_rad_per_mps2: RouteBounds::BALANCED,
             steep: 2.0,
-            ..Way::ROAD
+            ..RouteBounds::ROAD
         });
         w.origin.latitude_rad = -34.0_f64.to_radians();
         w.origin.height_m = 900.0;
@@ -389,12 +389,12 @@ kinds! { judge: true,
     "barometer_in_tunnels", BOTH, 20.0,
     "mountain road, 1 to 4 min without fixes every few minutes, barometer in another weather, 2 Hz"
     => |w| {
-        w.vehicle = Vehicle::OnWay(Way {
+        w.vehicle = Vehicle::OnWay(RouteBounds {
             speed_mps: [7.0, 22.0],
             straight_s: [5.0, 40.0],
             turn_rad: [0.2, 2.5],
             steep: 2.5,
-            ..Way::ROAD
+            ..RouteBounds::ROAD
         });
         w.receiver(2.0, [0.05, 0.03, 3.0], [0.8, 2.0, 60.0]);
         w.errors.barometer = Some(BarometerModel {

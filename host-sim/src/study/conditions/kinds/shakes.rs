@@ -1,11 +1,11 @@
 //! What swings on top of the vehicles' motions.
 
-use crate::sim::motion::{Swing, When};
+use crate::sim::motion::{Envelope, Harmonic};
 
-type Shake = (When, Vec<Swing>);
+type Shake = (Envelope, Vec<Harmonic>);
 
-fn swing(hz: f64, velocity_mps: [f64; 3], rotation_rad: [f64; 3]) -> Swing {
-    Swing {
+fn swing(hz: f64, velocity_mps: [f64; 3], rotation_rad: [f64; 3]) -> Harmonic {
+    Harmonic {
         hz,
         velocity_mps,
         rotation_rad,
@@ -15,12 +15,12 @@ fn swing(hz: f64, velocity_mps: [f64; 3], rotation_rad: [f64; 3]) -> Swing {
 /// A velocity swing of one frequency, more along the way than across.
 pub fn velocity_at(hz: f64, amplitude_mps: f64) -> Shake {
     let amplitudes = [0.3, 1.0, 0.5].map(|part| part * amplitude_mps);
-    (When::Always, vec![swing(hz, amplitudes, [0.0; 3])])
+    (Envelope::Always, vec![swing(hz, amplitudes, [0.0; 3])])
 }
 
 /// An engine at so many Hz and at half of them: an acceleration amplitude, m/s^2, and an angular
 /// rate, rad/s.
-pub fn engine(when: When, hz: f64, accel_mps2: f64, rate_radps: f64) -> Shake {
+pub fn engine(when: Envelope, hz: f64, accel_mps2: f64, rate_radps: f64) -> Shake {
     let line = |hz: f64, part: f64| {
         let omega = core::f64::consts::TAU * hz;
         let velocity = part * accel_mps2 / omega;
@@ -38,7 +38,7 @@ pub fn engine(when: When, hz: f64, accel_mps2: f64, rate_radps: f64) -> Shake {
 pub fn sway(hz: f64, degrees: f64) -> Shake {
     let angle = degrees.to_radians();
     let swings = vec![swing(hz, [0.0; 3], [0.6 * angle, angle, 0.1 * angle])];
-    (When::Standing(3.0), swings)
+    (Envelope::Standing(3.0), swings)
 }
 
 /// Waves: roll and pitch, deg, heave, m/s; two periods that beat.
@@ -56,7 +56,7 @@ pub fn waves(period_s: f64, roll_deg: f64, heave_mps: f64) -> Shake {
         )
     };
     let hz = 1.0 / period_s;
-    (When::Always, vec![line(hz, 0.7), line(1.3 * hz, 0.4)])
+    (Envelope::Always, vec![line(hz, 0.7), line(1.3 * hz, 0.4)])
 }
 
 /// Steps of a walker: heave at every step, sway and turns at every other.
@@ -74,5 +74,5 @@ pub fn steps(steps_hz: f64, heave_mps: f64, turn_deg: f64) -> Shake {
             [0.0, 0.7 * turn, turn],
         ),
     ];
-    (When::Moving(0.4), swings)
+    (Envelope::Moving(0.4), swings)
 }
