@@ -42,7 +42,7 @@ pub struct Flight {
     plan: Plan,
     autopilot: Autopilot,
     air: AirMass,
-    /// Lines of its spectrum.
+    /// Lines of the vibration spectrum.
     vibration: Option<Vec<Line>>,
     steps: u64,
     /// End of the last integrator step; `inputs` are controls and wind there.
@@ -349,7 +349,7 @@ struct Line {
     rotation_rad: Vector3<f64>,
 }
 
-/// Crank angle and its change at one moment.
+/// Crank angle and its derivatives at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Crank {
     angle_rad: f64,

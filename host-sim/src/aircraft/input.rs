@@ -11,7 +11,7 @@ use super::parameters::Parameters;
 use crate::sim::ErrorModel;
 use crate::sim::errors::ErrorModelError;
 
-/// A file that cannot be read or used: what is wrong where, what was expected, the likely cause.
+/// Error in a user's file: what is wrong and where, what was expected, the likely cause.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, miette::Diagnostic)]
 #[error("{}{}: {message}", file.display(), line.map_or(String::new(), |line| format!(", line {line}")))]
 pub struct InputError {
@@ -20,7 +20,7 @@ pub struct InputError {
     pub message: String,
 }
 
-/// Text with its name, to point into.
+/// Text and name of a file, for the locations of errors.
 pub(crate) struct Source<'a> {
     pub file: &'a Path,
     pub text: &'a str,
@@ -38,7 +38,7 @@ impl Source<'_> {
         }
     }
 
-    /// Where a key is set: comments may name it before.
+    /// Offset at which a key is set: comments may contain it before.
     pub fn key(&self, key: &str) -> usize {
         let mut start = 0;
         for line in self.text.split_inclusive('\n') {
@@ -51,7 +51,7 @@ impl Source<'_> {
         self.text.find(key).unwrap_or(0)
     }
 
-    /// The text as TOML; `example` says where a complete one is found.
+    /// Parses the text as TOML; `example` names a complete file for messages.
     pub fn parse<T: DeserializeOwned>(&self, example: &str) -> Result<T, InputError> {
         toml::from_str(self.text).map_err(|error| {
             let offset = error.span().map_or(0, |span| span.start);
@@ -111,7 +111,7 @@ impl Source<'_> {
     }
 }
 
-/// The dotted path that an error without a place names.
+/// The dotted path in the message of an error without a location.
 fn key_of(error: &toml::de::Error) -> String {
     let told = error.to_string();
     let named = |before: &str| Some(told.split_once(before)?.1.split_once('`')?.0);
@@ -119,7 +119,7 @@ fn key_of(error: &toml::de::Error) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join(".")
 }
 
-/// The text of a file; `what` it should be is said if it cannot be read.
+/// The text of a file; `what` describes it in the message if it cannot be read.
 pub fn read_text(file: &Path, what: &str) -> Result<String, InputError> {
     std::fs::read_to_string(file).map_err(|error| InputError {
         file: file.to_owned(),
@@ -173,7 +173,7 @@ pub fn read_aircraft(file: &Path) -> Result<Dynamics, InputError> {
     }
 }
 
-/// The first number that is none, and its dotted path.
+/// The first number that is not finite, and its dotted path.
 fn not_finite(path: &str, value: &toml::Value) -> Option<(String, f64)> {
     match value {
         toml::Value::Float(number) if !number.is_finite() => Some((path.to_owned(), *number)),

@@ -30,7 +30,7 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Keys without which nothing flies.
+    /// Parameters that must be positive.
     pub fn must_be_positive(&self) -> [(&'static str, f64); 16] {
         [
             ("mass_kg", self.mass.mass_kg),
@@ -52,7 +52,7 @@ impl Parameters {
         ]
     }
 
-    /// What else is to hold: dotted key, its value, whether it does, and what is expected.
+    /// Further conditions: dotted key, its value, whether it is valid, and what is expected.
     pub fn must_hold(&self) -> Vec<(&'static str, f64, bool, &'static str)> {
         let (mass, elevator) = (&self.mass, self.pitch.elevator);
         let (ixz, friction) = (mass.product_of_inertia_kgm2, self.engine.friction);
@@ -210,7 +210,7 @@ impl Propeller {
     pub fn thrust(&self, airspeed_mps: f64, engine_rps: f64, density_kgpm3: f64) -> Thrust {
         let [p0, p1, p2] = self.power;
         let d = self.diameter_m;
-        // Multiplied by n^2 throughout, so that a standing propeller needs no special case.
+        // Multiplied by n^2 throughout, so that a propeller at rest is no special case.
         let n = engine_rps;
         let jn = airspeed_mps / d;
         let power_n2 = p0 * n * n + p1 * jn * n + p2 * jn * jn;

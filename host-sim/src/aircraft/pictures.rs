@@ -12,7 +12,7 @@ use crate::page::output::{self, OutputError};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
 use crate::sim::SimulatedDrive;
 
-/// A line has at most so many points: more than there are pixels to see.
+/// Most points of a line: more than it has pixels.
 const POINTS: usize = 2000;
 
 type Picture = (&'static str, String);

@@ -186,7 +186,7 @@ pub struct Modes {
     pub phugoid: Oscillation,
     pub short_period: Oscillation,
     pub dutch_roll: Oscillation,
-    /// Time constant, s; negative if it grows.
+    /// Time constant, s; negative if unstable.
     pub spiral_time_constant_s: f64,
     pub roll_time_constant_s: f64,
 }
@@ -260,8 +260,8 @@ fn rate_of_change(
     ])
 }
 
-/// The two halves of the linearised motion around a straight flight. What couples them (the
-/// propeller's torque and momentum) is left out, as is usual; height is held.
+/// Longitudinal and lateral linearised motion about straight flight. Their coupling (the
+/// propeller's torque and momentum) is neglected, as is usual; height is constant.
 pub fn linearised(dynamics: &Dynamics, trim: &Trim) -> (Longitudinal, Lateral) {
     const STEP: f64 = 1e-5;
     let density = Density::around(trim.state.height_m);

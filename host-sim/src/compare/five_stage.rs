@@ -98,7 +98,7 @@ impl Stage {
     }
 
     /// Open: no estimate may act on the run that finds it; except that the azimuth has to be damped for its
-    /// loop to show the vertical gyro, and for the heading to stay within the linear range of (7).
+    /// loop to show the vertical gyro, and for the heading not to drift away during (7).
     fn feedback(self) -> Feedback {
         match self {
             Self::Azimuth | Self::Vertical => Feedback::Closed,

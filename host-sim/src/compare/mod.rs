@@ -60,7 +60,7 @@ pub struct Comparison {
     pub costs: Vec<Cost>,
     /// Drift without GNSS; none where no outage fits.
     pub outages: Option<OutageTest>,
-    /// Of the log.
+    /// First stamp of the log.
     #[serde(skip)]
     start: Time,
     #[serde(skip)]

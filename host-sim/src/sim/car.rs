@@ -1,7 +1,7 @@
 //! A car and its driver.
 //!
 //! Speed and heading are smooth functions of time, grade of the distance travelled, so that every
-//! derivative is exact. A standing car stands still.
+//! derivative is exact. A stationary car is exactly at rest.
 
 use ins_core::attitude::Euler;
 

@@ -9,10 +9,10 @@ pub enum ErrorModelError {
     /// Not TOML, or not these keys; the message shows the place.
     #[error("{0}")]
     Syntax(#[from] toml::de::Error),
-    /// A number that TOML does not have.
+    /// A number that TOML cannot represent.
     #[error("{0}")]
     Unwritable(#[from] toml::ser::Error),
-    /// A value that no sensor has.
+    /// An impossible value.
     #[error("{key} = {value}: expected {expected}")]
     Value {
         /// Dotted path of the key.
@@ -38,7 +38,7 @@ fn walk(path: &str, value: &Value) -> Result<(), ErrorModelError> {
                 Value::Table(_) => walk(path, value),
                 _ => walk(&format!("{path}[{place}]"), value),
             })?;
-            // Two are bounds.
+            // Two numbers are bounds.
             match all[..] {
                 [Value::Float(least), Value::Float(most)] => {
                     let key = format!("{path}[1]");

@@ -15,7 +15,7 @@ use super::recorded::{RecordedNoise, Resampled};
 use crate::log::{BodyAxes, Grade, Log, Meta};
 
 impl Grade {
-    /// Those of a ready-made simulated unit.
+    /// Error model of a preset unit.
     pub fn errors(self) -> ErrorModel {
         match self {
             Self::Hg1700 => ErrorModel::hg1700(),

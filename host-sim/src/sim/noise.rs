@@ -41,7 +41,7 @@ impl Random {
         low + (high - low) * self.unit()
     }
 
-    /// As likely between 1 and 2 as between 2 and 4.
+    /// Uniform in the logarithm: as likely between 1 and 2 as between 2 and 4.
     pub fn log_uniform(&mut self, bounds: [f64; 2]) -> f64 {
         libm::exp(self.uniform(bounds.map(libm::log)))
     }

@@ -1,4 +1,4 @@
-//! An error-state Kalman filter over the core's mechanization, as the baseline of the core.
+//! An error-state Kalman filter over the core's mechanization: the baseline for the core.
 //!
 //! Always sixteen states: errors of position, velocity and attitude (computed minus true,
 //! `C' = (I - [Phi x]) C`), residual accelerometer and gyro biases and residual GNSS latency. Further ones

@@ -156,7 +156,7 @@ impl Noise {
         }
     }
 
-    /// Of one component of a kind of measurement.
+    /// Noise of one component of a kind of measurement.
     pub fn of_kind(&self, kind: Kind) -> &config::Noise {
         match kind {
             Kind::Velocity => &self.gnss.velocity_mps,
