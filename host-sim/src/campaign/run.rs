@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::ledger::{Ledger, Shard, read_folder};
 use super::plan::Plan;
+use crate::identify::baro_aided_ins::HorizontalError;
 use crate::identify::error_model::{Identified, Record};
-use crate::identify::held_ins::LevelError;
 use crate::log::Grade;
 use crate::page::progress::counted;
 use crate::sim::ErrorModel;
@@ -55,7 +55,7 @@ pub struct Flown {
 
 impl Flown {
     /// Of what was left when GNSS went and the errors at every minute after that.
-    pub fn new(left: &Left, minutes: &[LevelError]) -> Self {
+    pub fn new(left: &Left, minutes: &[HorizontalError]) -> Self {
         let whole = |value: f64| whole(value.abs().round()) as u64;
         let at = |quarter: usize| {
             let minute = ((quarter + 1) * minutes.len()).div_ceil(QUARTERS as usize);

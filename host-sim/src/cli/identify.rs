@@ -7,7 +7,7 @@ use clap::Args;
 use miette::{Result, bail};
 
 use super::options::{Class, Output, build, identified, refuse_same, report_line};
-use crate::identify::analysis::{Analysis, Given, SUMMARY};
+use crate::identify::analysis::{Analysis, DistinctLogs, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
 use crate::identify::summary::Summary;
@@ -92,7 +92,7 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
     }
     let fill = |folder: &Path| -> Result<(Identified, Vec<Summary>)> {
         let (mut records, mut summaries, mut class) = (Vec::new(), Vec::new(), grade);
-        let mut given = Given::default();
+        let mut given = DistinctLogs::default();
         for (number, log) in (1..).zip(&options.log) {
             // One log at a time: only what the error model needs of it is kept.
             let analysis = identified(log, grade)?;

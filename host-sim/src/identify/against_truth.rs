@@ -1,44 +1,44 @@
-//! The solution against the log's reference motion: damped all along, and left free half way.
+//! The solution against the log's reference motion: damped throughout, and free from half way on.
 
 use ins_core::config::DampingConfig;
 use ins_core::{Solution, Time};
 use serde::Serialize;
 
-use crate::identify::free_inertial::feed;
-use crate::identify::held_ins::{HeldIns, LevelError};
+use crate::identify::baro_aided_ins::{BaroAidedIns, HorizontalError};
+use crate::identify::free_inertial::feed_intervals;
 use crate::identify::row::{self, Row};
 use crate::log::Log;
 use crate::sim::ideal::displaced;
 use crate::statistics::rms;
 
-/// Between two points of the curves, s.
+/// Interval between points of the curves, s.
 const EVERY_S: f64 = 1.0;
-/// A hole in the reference that nothing is interpolated over, s.
+/// Longest gap in the reference that is interpolated, s.
 const HOLE_S: f64 = 2.0;
 
-/// Errors of the solution, and of two INS that go on free from its middle, at a true height.
+/// Errors of the solution, and of two free INS that start from its middle, at a true height.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgainstTruth {
-    /// From here on nothing damps the free ones.
+    /// Start of the free ones.
     pub free_from: Time,
     pub damped: Vec<Point>,
-    /// Free, less the errors of the sensors as known by then.
+    /// Free, readings compensated by the estimates of that time.
     pub free: Vec<Point>,
     /// Free, readings as logged.
     pub logged: Vec<Point>,
 }
 
 /// Horizontal error at a time.
-pub type Point = (Time, LevelError);
+pub type Point = (Time, HorizontalError);
 
-/// Root mean squares over the second half of the solution, all over one span: a hole in the samples ends it.
+/// Root mean squares over the second half of the solution, all over one span: a gap in the samples ends it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TruthErrors {
-    pub damped: LevelError,
-    /// Free, less the errors of the sensors as known when GNSS goes.
-    pub free: LevelError,
+    pub damped: HorizontalError,
+    /// Free, readings compensated by the estimates at the end of GNSS.
+    pub free: HorizontalError,
     /// Free, readings as logged.
-    pub as_logged: LevelError,
+    pub as_logged: HorizontalError,
 }
 
 impl AgainstTruth {
@@ -48,7 +48,7 @@ impl AgainstTruth {
         let rms = |points: &[Point]| {
             let inside = |time: &Time| (self.free_from..=until).contains(time);
             let late = || points.iter().filter(|(time, _)| inside(time));
-            LevelError {
+            HorizontalError {
                 position_m: rms(late().map(|(_, error)| error.position_m)),
                 velocity_mps: rms(late().map(|(_, error)| error.velocity_mps)),
             }
@@ -75,15 +75,15 @@ pub fn check(
         if let Some(truth) =
             truth_at(&log.truth, solution.time).filter(|_| due(&damped, solution.time))
         {
-            damped.push((solution.time, LevelError::of(solution, &truth)));
+            damped.push((solution.time, HorizontalError::of(solution, &truth)));
         }
     }
     let free = |history: &[Row]| {
-        let mut ins = HeldIns::new(start);
+        let mut ins = BaroAidedIns::new(start);
         let mut errors = Vec::new();
         let mut height_m = start.position.height_m;
-        // Where samples end or are missing, so do the errors.
-        let _ = feed(log, start.time, history, |interval, time| {
+        // The errors end where samples end or are missing.
+        let _ = feed_intervals(log, start.time, history, |interval, time| {
             ins.step(interval, height_m, config);
             if let Some(truth) = truth_at(&log.truth, time) {
                 height_m = truth.position.height_m;
@@ -109,7 +109,7 @@ fn due(points: &[Point], now: Time) -> bool {
     row::due(points.last().map(|(last, _)| *last), now, EVERY_S)
 }
 
-/// The reference at a time, between rows that are no further apart than a hole.
+/// The reference interpolated at a time; `None` in a gap longer than `HOLE_S`.
 pub(crate) fn truth_at(truth: &[Solution], time: Time) -> Option<Solution> {
     let after = truth.partition_point(|row| row.time <= time);
     let before = truth.get(after.checked_sub(1)?)?;

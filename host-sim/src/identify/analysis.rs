@@ -19,7 +19,7 @@ use crate::page::table::Table;
 /// File name of the summary; marks a folder of results as ours.
 pub const SUMMARY: &str = "summary.json";
 
-/// A log, and how it is going to be run.
+/// A log, and the configuration to run it with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
     pub log: Log,
@@ -37,7 +37,7 @@ impl Input {
         Self::read_all(&[folder.to_owned()], Choice::default(), grade, progress)
     }
 
-    /// Reads a log, or one that is put together of several recordings.
+    /// Reads a log, or several recordings as one.
     pub fn read_all(
         paths: &[PathBuf],
         choice: Choice,
@@ -53,7 +53,7 @@ impl Input {
         })
     }
 
-    /// A log that has been read, and what was said about it.
+    /// A log that has been read, and its warnings.
     pub fn of(name: String, log: Log, warnings: Vec<LogError>, grade: Option<Grade>) -> Self {
         let grade = configure::grade(&log, grade);
         Self {
@@ -66,7 +66,7 @@ impl Input {
         }
     }
 
-    /// Puts it together with what came out, and judges that.
+    /// The analysis with the results of a run: halves test and verdict.
     pub fn with(self, found: Identification) -> Result<Analysis> {
         let Self { log, grade, .. } = self;
         let halves =
@@ -131,11 +131,11 @@ impl Analysis {
     }
 }
 
-/// Recordings of which each must be another.
+/// Recordings, each of which must be given only once.
 #[derive(Default)]
-pub(crate) struct Given(Vec<(PathBuf, [Option<ImuSample>; 2])>);
+pub(crate) struct DistinctLogs(Vec<(PathBuf, [Option<ImuSample>; 2])>);
 
-impl Given {
+impl DistinctLogs {
     pub fn take(&mut self, path: &Path, log: &Log) -> Result<()> {
         let ends = [log.imu.first(), log.imu.last()];
         if let Some((same, _)) = self.0.iter().find(|(_, other)| *other == ends) {

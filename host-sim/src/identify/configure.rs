@@ -7,15 +7,15 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::log::{Grade, Log};
 
-/// Shortest rest that tells the class of the gyros, s.
+/// Shortest rest from which the class of the gyros is determined, s.
 const REST_S: f64 = 10.0;
 const REST_SPEED_MPS: f64 = 0.3;
-/// Gyros of a class that feels Earth rate: mean at rest above Earth's, and spread of one-second
-/// means, rad/s. Ring lasers stay below by five times, consumer gyros above by as much.
+/// Limits of gyros that resolve Earth rate: mean at rest, and standard deviation of one-second means,
+/// rad/s. Ring lasers stay below by five times, consumer gyros above by as much.
 const MOST_AT_REST_RADPS: f64 = ROTATION_RATE_RADPS + 1e-4;
 const SPREAD_RADPS: f64 = 2e-4;
 
-/// The class of the sensors: as told, as the log's metadata has it, or as the gyros show at rest.
+/// The class of the sensors: as given, from the log's metadata, or from the gyros at rest.
 pub fn grade(log: &Log, told: Option<Grade>) -> Grade {
     told.or(log.meta.grade)
         .unwrap_or_else(|| grade_at_rest(log))
@@ -39,8 +39,8 @@ pub(crate) fn config_of(class: Grade, output: ImuOutput, heading_rad: Option<f64
     }
 }
 
-/// Whether gyros at rest, if there is one, have the biases of the class. What rocks there is the
-/// vehicle's.
+/// Whether gyros at rest, if there is one, have the biases of the class. Their scatter is not tested:
+/// it may be the vehicle's.
 pub fn fits(log: &Log, grade: Grade) -> bool {
     grade == Grade::Mems || at_rest(log).is_none_or(|[mean, _]| mean < MOST_AT_REST_RADPS)
 }
@@ -52,7 +52,7 @@ fn grade_at_rest(log: &Log) -> Grade {
     }
 }
 
-/// Mean angular rate at rest, and spread of its means over seconds, rad/s.
+/// Mean angular rate at rest, and standard deviation of its one-second means, rad/s.
 fn at_rest(log: &Log) -> Option<[f64; 2]> {
     // The unit may not have been on while the receiver stood.
     let means = Some(second_means(log, longest_rest(log)?)).filter(|means| !means.is_empty())?;
@@ -62,7 +62,7 @@ fn at_rest(log: &Log) -> Option<[f64; 2]> {
     Some([mean.norm(), spread])
 }
 
-/// The longest stretch of fixes that stand still, if long enough.
+/// The longest stretch of fixes at rest, if long enough.
 fn longest_rest(log: &Log) -> Option<(Time, Time)> {
     let slow = |v: Vector2<f64>| v.norm() < REST_SPEED_MPS;
     let rests = |fix: &GnssFix| fix.velocity_en_mps.is_some_and(slow);

@@ -1,4 +1,4 @@
-//! What the estimates are worth: velocity error of a free INS, without and with them.
+//! Validation of the estimates: velocity error of a free INS, without and with them.
 
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
@@ -13,22 +13,22 @@ use crate::statistics::root_mean;
 /// Length of a window, and from start to start, s.
 pub const WINDOW_S: f64 = 60.0;
 const STRIDE_S: f64 = 30.0;
-/// Most windows: of a log of more than two hours every second, third and so on is run.
+/// Most windows: in a log of more than two hours only every second, third and so on is run.
 const MOST_WINDOWS: usize = 240;
-/// A hole between samples that spoils a window, s.
+/// Longest gap between samples in a window, s.
 const HOLE_S: f64 = 0.5;
 
 /// Horizontal velocity error of a free INS against the aided one, RMS, m/s; none where no window
 /// fits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VelocityErrors {
-    /// Sensors as logged and the first heading's error left in.
+    /// Sensors as logged, with the error of the initial heading.
     pub before: Option<f64>,
     /// The estimates applied.
     pub after: Option<f64>,
     /// Windows of a minute that it was measured on.
     pub windows: usize,
-    /// How both grow within a window.
+    /// Growth of both within a window.
     #[serde(skip)]
     pub growth: Vec<Growth>,
 }
@@ -46,22 +46,22 @@ pub struct Growth {
 /// Velocity difference at a time since the window's start, s and m/s.
 type Error = (f64, Vector2<f64>);
 
-/// Whether an estimate stands on data.
+/// Whether an estimate is observable.
 pub(crate) fn known(estimate: &Estimate) -> bool {
     estimate.observability == Observability::Observable
 }
 
-/// An estimate as far as it stands on data.
+/// The value of an estimate if observable, else zero.
 pub(crate) fn value(estimate: &Estimate) -> f64 {
     if known(estimate) { estimate.value } else { 0.0 }
 }
 
 /// Runs every window twice.
 ///
-/// A window starts from the navigator's solution of its moment, and is compared with the
-/// solutions that follow: GNSS itself has more noise than there is error to see. The sensors are
-/// taken as logged, with the azimuth error that was found put back; and with the history of the
-/// estimates taken out, each reading less the errors that the navigator knew at its stamp.
+/// A window starts from the navigator's solution, and is compared with the solutions that follow: the
+/// noise of GNSS itself is larger than these errors. The readings are taken as logged, the estimated
+/// azimuth error put back into the heading; and compensated, each by the estimates that the navigator
+/// had at its stamp.
 pub fn check(
     log: &Log,
     solutions: &[Solution],
@@ -75,8 +75,8 @@ pub fn check(
     for row in starts.into_iter().step_by(every) {
         let first = solutions.partition_point(|solution| solution.time < row.time);
         let solutions = &solutions[first..];
-        let logged = fly(log, solutions, azimuth_rad, &[]);
-        if let (Some(logged), Some(with)) = (logged, fly(log, solutions, 0.0, history)) {
+        let logged = run_window(log, solutions, azimuth_rad, &[]);
+        if let (Some(logged), Some(with)) = (logged, run_window(log, solutions, 0.0, history)) {
             before.extend(logged);
             after.extend(with);
             windows += 1;
@@ -91,14 +91,14 @@ pub fn check(
     }
 }
 
-/// An interval less the errors that the navigator knew at a time; as it is before the history.
+/// An interval compensated by the estimates of a time; as it is before the history.
 fn corrected(interval: &Interval, history: &[Row], time: Time) -> Interval {
     let after = history.partition_point(|row| row.time <= time);
     let row = history[..after].last();
     row.map_or(*interval, |row| row.estimates.corrected(interval))
 }
 
-/// Rows that a window starts at: from where the azimuth is known, if it ever is.
+/// Rows at which windows start: once the azimuth is known, if it ever is.
 fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
     let ready = |row: &&Row| {
         row.phase == Phase::Navigating
@@ -116,14 +116,19 @@ fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
     starts
 }
 
-/// A free INS over one window, from the first solution on; `None` if samples do not last.
-fn fly(log: &Log, solutions: &[Solution], heading_rad: f64, history: &[Row]) -> Option<Vec<Error>> {
+/// A free INS over one window, from the first solution on; `None` if the samples end in it.
+fn run_window(
+    log: &Log,
+    solutions: &[Solution],
+    heading_rad: f64,
+    history: &[Row],
+) -> Option<Vec<Error>> {
     let (start, solutions) = solutions.split_first()?;
     let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
     ins.turn_heading(heading_rad);
     let mut solutions = solutions.iter().peekable();
     let mut errors = Vec::new();
-    feed(log, start.time, history, |interval, time| {
+    feed_intervals(log, start.time, history, |interval, time| {
         let since_s = time.seconds_since(start.time);
         ins.step(interval, &Controls::default());
         if let Some(truth) = solutions.next_if(|solution| solution.time <= time) {
@@ -135,9 +140,9 @@ fn fly(log: &Log, solutions: &[Solution], heading_rad: f64, history: &[Row]) -> 
     Some(errors)
 }
 
-/// Gives the intervals after a start, less what the history knows of their errors, each with the
-/// time of its end, until `wants_more` says no; `None` if samples do not last.
-pub(crate) fn feed(
+/// Gives the intervals after a start, compensated by the history, each with the time of its end, until
+/// `wants_more` returns false; `None` if the samples end before or have a gap.
+pub(crate) fn feed_intervals(
     log: &Log,
     start: Time,
     history: &[Row],
@@ -164,7 +169,7 @@ fn rms<'a>(errors: impl Iterator<Item = &'a Error>) -> f64 {
     root_mean(errors.map(|(_, error)| error.norm_squared()))
 }
 
-/// Both by whole steps of two seconds since the start.
+/// RMS of both in steps of two seconds since the start.
 fn growth(before: &[Error], after: &[Error]) -> Vec<Growth> {
     const STEPS: u32 = 30;
     const STEP_S: f64 = WINDOW_S / STEPS as f64;

@@ -1,4 +1,4 @@
-//! The halves test: what two halves of a log say of constants must agree.
+//! The halves test: estimates of constants from two halves of a log must agree.
 
 use indicatif::ProgressBar;
 use ins_core::{Config, ConfigError, Estimate, Estimates, Phase, Time};
@@ -10,16 +10,16 @@ use super::row::Row;
 use super::run::{Identification, record};
 use crate::log::Log;
 
-/// Shortest log worth cutting, s: either half has to align, and to turn and brake some times.
+/// Shortest log to be halved, s: either half has to align, and to turn and brake some times.
 const LEAST_S: f64 = 300.0;
 
-/// How much may lie between the halves beyond what each states of its own end.
+/// Difference allowed between the halves beyond their stated sigmas.
 ///
 /// The difference of a constant between adjacent stretches of length tau is what the Allan
 /// deviation at tau measures. At rest the accelerometers of this class show white noise up to some
-/// ten seconds (the estimates' own sigmas hold that), and from there on the walk of the bias that
+/// ten seconds (included in the estimates' own sigmas), and from there on the walk of the bias that
 /// the class is configured with: 0.01 to 0.04 mg at 32 s where 9e-5 m/s^2/sqrt(s) makes 0.03 mg.
-/// An estimate stands for the end of its half; the ends lie half a log apart.
+/// An estimate is of the end of its half; the ends lie half a log apart.
 pub const ALLOWANCE: &str = "accelerometers: their bias walk as configured, over half the log \
     (Allan deviation at rest, 32 s: 0.01 to 0.04 mg; that of the walk of mems: 0.03 mg); latency: \
     both halves' carried to the cut by the clock drift that each found, with its sigma; lever arm: \
@@ -30,13 +30,13 @@ pub const ALLOWANCE: &str = "accelerometers: their bias walk as configured, over
 pub struct Difference {
     pub name: &'static str,
     pub value: f64,
-    /// Joint sigma of both sides as they state them.
+    /// Root sum square of both stated sigmas.
     pub joint_sigma: f64,
-    /// What may lie between them beyond that.
+    /// Sigma of the change between them in addition.
     pub allowance: f64,
-    /// In sigmas, the allowance among them.
+    /// In joint sigmas, the allowance included.
     pub sigmas: f64,
-    /// As found, in joint sigmas as stated.
+    /// Without allowance and drift, in joint sigmas as stated.
     pub plain_sigmas: f64,
 }
 
@@ -54,9 +54,9 @@ impl Difference {
     }
 }
 
-/// Differences second minus first half, as far as both know; `None` for a log too short.
+/// Differences second minus first half, where both are observable; `None` for a log too short.
 ///
-/// What the navigator had found half way in the run over the whole log it finds on the first half.
+/// The estimates of the first half are those half way in the run over the whole log.
 pub fn test(
     log: &Log,
     found: &Identification,
@@ -69,12 +69,12 @@ pub fn test(
     let cut = second.start();
     let config = configure(log);
     let first = if let Some(halfway) = found.halfway.filter(|_| config == found.config) {
-        End::new(&found.history, &halfway, cut)
+        HalfEnd::new(&found.history, &halfway, cut)
     } else {
         let half = log.first_half();
-        End::of(&half, configure(&half), cut)?
+        HalfEnd::of(&half, configure(&half), cut)?
     };
-    let second = End::of(&second, configure(&second), cut)?;
+    let second = HalfEnd::of(&second, configure(&second), cut)?;
     let (Some(first), Some(second)) = (first, second) else {
         return Ok(Some(Vec::new()));
     };
@@ -99,14 +99,14 @@ pub fn test(
     Ok(Some(differences))
 }
 
-/// What a half says at its end.
-struct End {
+/// Estimates at the end of a half.
+struct HalfEnd {
     estimates: Estimates,
-    /// From the middle of its navigation, which the latency stands for, to the cut, s.
+    /// From the middle of its navigation, whose latency is estimated, to the cut, s.
     to_cut_s: f64,
 }
 
-impl End {
+impl HalfEnd {
     /// `None` if the half never navigates.
     fn of(half: &Log, config: Config, cut: Time) -> Result<Option<Self>, ConfigError> {
         let (run, end) = record(half, config, &ProgressBar::hidden(), |_, _| {})?;
@@ -117,7 +117,7 @@ impl End {
     fn new(history: &[Row], end: &Row, cut: Time) -> Option<Self> {
         let ended = history.partition_point(|row| row.time <= end.time);
         let mut aligned = history[..ended].rsplit(|row| row.phase != Phase::Navigating);
-        // The core counts from where it was last aligned.
+        // The core's estimate begins where it was last aligned.
         let since = aligned.next()?.first()?.time;
         let middle = since.plus_seconds(0.5 * end.time.seconds_since(since));
         (end.phase == Phase::Navigating).then(|| Self {
@@ -126,7 +126,7 @@ impl End {
         })
     }
 
-    /// Latency at the cut and its sigma, s: in the middle of a run it does not depend on the drift.
+    /// Latency at the cut and its sigma, s: in the middle of a run it is uncorrelated with the drift.
     fn latency_at_cut(&self) -> (f64, f64) {
         let (latency, drift) = (self.estimates.gnss_latency_s, self.estimates.clock_drift);
         (
@@ -136,10 +136,11 @@ impl End {
     }
 }
 
-fn latency(first: &End, second: &End) -> Option<Difference> {
+fn latency(first: &HalfEnd, second: &HalfEnd) -> Option<Difference> {
     let latency = [first, second].map(|end| end.estimates.gnss_latency_s);
     let plain = constant("latency_ms", latency, 1e-3, 0.0)?;
-    let [(first, first_sigma), (second, second_sigma)] = [first, second].map(End::latency_at_cut);
+    let [(first, first_sigma), (second, second_sigma)] =
+        [first, second].map(HalfEnd::latency_at_cut);
     let sigmas = [first_sigma, second_sigma].map(|sigma| sigma / 1e-3);
     let at_cut = Difference::new(plain.name, (second - first) / 1e-3, sigmas, 0.0);
     Some(Difference {

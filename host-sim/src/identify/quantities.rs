@@ -13,7 +13,7 @@ pub const DEG_H_RADPS: f64 = std::f64::consts::PI / 180.0 / 3600.0;
 pub struct Quantity {
     pub value: f64,
     pub sigma: f64,
-    /// Whether the value stands on data.
+    /// Whether the value is observable, or why not.
     pub observability: Observability,
 }
 
@@ -25,7 +25,7 @@ pub struct Axes {
     pub z: Quantity,
 }
 
-/// Column in the files, name for people and unit of all that is identified.
+/// Column in the files, displayed name and unit of all that is identified.
 pub(crate) const QUANTITIES: [(&str, &str, &str); 8] = [
     ("azimuth_error_deg", "Azimuth error", "deg"),
     ("accel_bias_x_mg", "Accelerometer bias x", "mg"),
@@ -114,7 +114,7 @@ impl Quantities {
         }
     }
 
-    /// In a log's axes, with what was taken off the stamps before, unless it is of the clocks.
+    /// In a log's axes; the latency with the shift of the stamps before, unless that is of the clocks.
     pub fn of_log(estimates: &Estimates, meta: &Meta) -> Self {
         let mut quantities = Self::new(estimates, meta.body_axes);
         quantities.gnss_latency_ms = latency_of_log(&estimates.gnss_latency_s, meta);
@@ -131,7 +131,7 @@ impl Quantities {
     }
 }
 
-/// A latency of a log's fixes as it is told, ms.
+/// A latency of a log's fixes as reported: with the shift of the stamps before, ms.
 pub(crate) fn latency_of_log(estimate: &Estimate, meta: &Meta) -> Quantity {
     let quantity = Quantity::of(estimate, 1e-3);
     Quantity {

@@ -1,4 +1,4 @@
-//! The navigator at one moment, as it is kept.
+//! State and estimates of the navigator at one time, as recorded.
 
 use std::collections::BTreeMap;
 
@@ -10,14 +10,14 @@ use serde::Serialize;
 pub struct Row {
     /// Stamp of the inertial sample.
     pub time: Time,
-    /// How far the alignment had come.
+    /// Phase of the alignment.
     pub phase: Phase,
     pub manoeuvre: Manoeuvre,
     pub estimates: Estimates,
     /// Damping signals of the last fix.
     pub signals: DampingSignals,
     pub solution: Option<Solution>,
-    /// Spread of the solution, ENU, where it is known.
+    /// Sigma of the solution, ENU, where it is known.
     pub sigma: Option<SolutionSigma>,
 }
 
@@ -40,7 +40,7 @@ pub(crate) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
     last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
 }
 
-/// How often each answer was given.
+/// How often each outcome occurred.
 pub type Counts<T> = Vec<(T, u64)>;
 
 pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
@@ -50,10 +50,10 @@ pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
     }
 }
 
-/// How many samples were taken, and how many not, by reason.
+/// Samples or fixes that were used, and those rejected, by reason.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Answers {
+pub struct OutcomeCounts {
     pub accepted: u64,
-    /// Not used, or only to begin again.
+    /// Not used, or only to restart from.
     pub rejected: BTreeMap<String, u64>,
 }

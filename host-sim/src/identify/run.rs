@@ -23,16 +23,16 @@ const PROGRESS_EVERY: u64 = 4096;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     pub config: Config,
-    /// The navigator once a second.
+    /// State of the navigator once a second.
     pub history: Vec<Row>,
     pub end: Row,
-    /// After the first half of the log; none where it runs elsewhere.
+    /// After the first half of the log; none where the navigator runs elsewhere.
     pub halfway: Option<Row>,
     /// Solutions ten times a second.
     pub solutions: Vec<Solution>,
     pub imu_outcomes: Counts<ImuOutcome>,
     pub fixes: Vec<(Time, GnssOutcome)>,
-    /// Fixes against the solution of their moments; none where the navigator runs elsewhere.
+    /// Innovations of the fixes; none where the navigator runs elsewhere.
     pub innovations: Vec<Innovation>,
     /// Free-inertial velocity error without and with the estimates.
     pub velocity_error: VelocityErrors,
@@ -62,8 +62,8 @@ pub fn identify(
     Ok(found)
 }
 
-/// Runs the navigator over a log: what it says on the way, and its last words. `after_sample` sees
-/// it after each.
+/// Runs the navigator over a log: the record of it, and its state at the end. `after_sample` is called
+/// after each sample.
 pub(crate) fn record(
     log: &Log,
     config: Config,
@@ -82,7 +82,7 @@ pub(crate) fn record(
         match event {
             Event::Imu(sample) => {
                 last = sample.time;
-                run.judge(sample.time, &navigator);
+                run.form_innovations(sample.time, &navigator);
                 let outcome = navigator.on_imu(&sample);
                 run.on_sample(sample.time, outcome, || Row::of(sample.time, &navigator));
                 run.on_settled(navigator.health().last_fix);
@@ -92,8 +92,8 @@ pub(crate) fn record(
                 after_sample(&navigator, sample.time);
             }
             Event::Gnss(fix) => {
-                run.innovations.expect(fix);
-                run.judge(fix.time, &navigator);
+                run.innovations.queue(fix);
+                run.form_innovations(fix.time, &navigator);
                 run.on_fix(fix.time, navigator.on_gnss(fix));
                 run.on_settled(navigator.health().last_fix);
             }
@@ -105,7 +105,7 @@ pub(crate) fn record(
     Ok((run, Row::of(last, &navigator)))
 }
 
-/// Keeps what a navigator says, wherever it runs.
+/// Records the outcomes, state and solutions of a navigator, wherever it runs.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     pub(crate) history: Vec<Row>,
@@ -118,11 +118,11 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    fn judge(&mut self, time: Time, navigator: &Navigator) {
-        (self.innovations).judge(time, navigator, &self.history, &self.solutions);
+    fn form_innovations(&mut self, time: Time, navigator: &Navigator) {
+        (self.innovations).form_up_to(time, navigator, &self.history, &self.solutions);
     }
 
-    /// After an inertial sample; `row` is asked only when one is due.
+    /// After an inertial sample; `row` is called only when one is due.
     pub fn on_sample(&mut self, time: Time, outcome: ImuOutcome, row: impl Fn() -> Row) {
         add(&mut self.imu_outcomes, outcome);
         if due(self.history.last().map(|row| row.time), time, HISTORY_S) {
@@ -131,7 +131,7 @@ impl Recorder {
         let last = self.solutions.last().map(|solution| solution.time);
         if due(last, time, SOLUTION_S) {
             let row = row();
-            // While it is aligned anew there is one that only goes on from the last fix.
+            // During a realignment the solution is only extrapolated from the last fix.
             let navigates = row.phase == Phase::Navigating;
             self.solutions.extend(row.solution.filter(|_| navigates));
         }
@@ -141,7 +141,7 @@ impl Recorder {
         self.fixes.push((time, outcome));
     }
 
-    /// What became of fixes that were queued, the last of which is reported; others have been answered.
+    /// Outcome of fixes that were queued, reported for the last of them.
     pub fn on_settled(&mut self, report: Option<FixReport>) {
         let Some(report) = report.filter(|_| report != self.settled) else {
             return;
@@ -157,7 +157,7 @@ impl Recorder {
         }
     }
 
-    /// After the log, with the navigator's last words.
+    /// After the log, with the navigator's state at its end.
     pub fn finish(self, log: &Log, config: Config, end: Row) -> Identification {
         let velocity_error =
             free_inertial::check(log, &self.solutions, &self.history, &end.estimates);
@@ -178,29 +178,29 @@ impl Recorder {
     }
 }
 
-/// From when an INS counts as settled: it has navigated for so long and, if it ever does, knows its azimuth.
+/// When an INS counts as settled: it has navigated for some time and, if ever, knows its azimuth.
 #[derive(Default)]
 pub(crate) struct Settling {
     since: Option<Time>,
-    /// First moments of either.
+    /// First times of either.
     pub settled: Option<Time>,
-    pub headed: Option<Time>,
+    pub azimuth_known: Option<Time>,
 }
 
 impl Settling {
-    /// Takes the next moment; whether it has navigated for so long by then.
+    /// Takes the next time; whether it has navigated for `after_s` by then.
     pub fn at(
         &mut self,
         now: Time,
         navigates: bool,
         after_s: f64,
-        headed: impl Fn() -> bool,
+        azimuth_known: impl Fn() -> bool,
     ) -> bool {
         self.since = navigates.then(|| self.since.unwrap_or(now));
         let settled = (self.since).is_some_and(|since| now.seconds_since(since) >= after_s);
         self.settled = self.settled.or(settled.then_some(now));
-        if navigates && self.headed.is_none() && headed() {
-            self.headed = Some(now);
+        if navigates && self.azimuth_known.is_none() && azimuth_known() {
+            self.azimuth_known = Some(now);
         }
         settled
     }
@@ -240,11 +240,11 @@ pub fn in_order_of_time(
     imu: impl IntoIterator<Item: Borrow<ImuSample>>,
     gnss: &[GnssFix],
 ) -> impl Iterator<Item = Event<'_>> {
-    as_they_come(imu, gnss.iter().map(|fix| (fix.time, fix)))
+    merged_by_time(imu, gnss.iter().map(|fix| (fix.time, fix)))
 }
 
 /// Samples by stamp and fixes by another time; at equal times the sample comes first.
-pub(crate) fn as_they_come<'a>(
+pub(crate) fn merged_by_time<'a>(
     imu: impl IntoIterator<Item: Borrow<ImuSample>>,
     fixes: impl Iterator<Item = (Time, &'a GnssFix)>,
 ) -> impl Iterator<Item = Event<'a>> {

@@ -1,4 +1,4 @@
-//! `summary.json`: what came out, for programs.
+//! `summary.json`: the results, for programs.
 
 use std::fmt::Debug;
 
@@ -9,7 +9,7 @@ use crate::identify::against_truth::{AgainstTruth, TruthErrors};
 use crate::identify::free_inertial::VelocityErrors;
 use crate::identify::halves::Difference;
 use crate::identify::quantities::{Axes, Quantities, Quantity, in_axes};
-use crate::identify::row::{Answers, Counts};
+use crate::identify::row::{Counts, OutcomeCounts};
 use crate::identify::run::Identification;
 use crate::identify::verdict::{Verdict, beyond_class};
 use crate::identify::{configure, words};
@@ -26,17 +26,17 @@ pub struct Summary {
     pub quantities: Quantities,
     /// Heading of the solution at the last sample, clockwise from north.
     pub heading_end_deg: Quantity,
-    /// Antenna as seen from the inertial sensors, m; none where it is taken as configured.
+    /// Antenna from the inertial sensors, m; none where it is taken as configured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lever_arm_m: Option<Axes>,
-    /// What the stamps of the fixes were moved by, taken for clocks that differ and no latency, s.
+    /// Shift of the stamps of the fixes that is taken for a difference of clocks, not latency, s.
     #[serde(skip_serializing_if = "is_zero")]
     pub clock_offset_s: f64,
-    /// Growth of the latency: what the clock of the samples loses on that of the fixes.
+    /// Growth of the latency: drift of the clock of the samples against that of the fixes.
     pub gnss_latency_drift_ppm: Quantity,
-    /// By how much positions are later than the velocities beside them, ms.
+    /// Latency of positions in addition to that of velocities, ms.
     pub gnss_position_delay_ms: Quantity,
-    /// Variance of the times that one output of the receiver is a mean of, s^2.
+    /// Variance in time of the receiver's smoothing, s^2.
     pub gnss_smoothing_s2: Quantity,
     /// Free-inertial check; empty where no window fits.
     pub velocity_error_mps: VelocityErrors,
@@ -44,11 +44,11 @@ pub struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against_truth: Option<TruthErrors>,
     pub version: &'static str,
-    /// Class of sensors that the navigator was told.
+    /// Class of sensors that the navigator was configured for.
     pub grade: Grade,
     pub phase: Phase,
-    pub imu: Answers,
-    pub gnss: Answers,
+    pub imu: OutcomeCounts,
+    pub gnss: OutcomeCounts,
     pub warnings: Vec<String>,
 }
 
@@ -63,8 +63,8 @@ impl Summary {
     ) -> Self {
         let estimates = &found.end.estimates;
         let quantities = Quantities::of_log(estimates, &log.meta);
-        let imu = answers(&found.imu_outcomes, words::is_integrated);
-        let gnss = answers(&found.gnss_outcomes(), words::is_used);
+        let imu = tally(&found.imu_outcomes, words::is_integrated);
+        let gnss = tally(&found.gnss_outcomes(), words::is_used);
         let doubted = warnings.iter().find(|warning| warning.doubt);
         Self {
             log: name,
@@ -101,7 +101,7 @@ pub(crate) fn is_zero(number: &f64) -> bool {
     *number == 0.0
 }
 
-/// The last heading, as well known as the azimuth.
+/// The last heading, with sigma and observability of the azimuth.
 fn heading(found: &Identification, azimuth: &Quantity) -> Quantity {
     let heading_rad = found
         .end
@@ -113,12 +113,12 @@ fn heading(found: &Identification, azimuth: &Quantity) -> Quantity {
     }
 }
 
-fn answers<T: Copy + Debug>(counts: &Counts<T>, accepted: impl Fn(T) -> bool) -> Answers {
+fn tally<T: Copy + Debug>(counts: &Counts<T>, accepted: impl Fn(T) -> bool) -> OutcomeCounts {
     let (taken, refused): (Vec<_>, Vec<_>) = counts
         .iter()
         .copied()
         .partition(|(outcome, _)| accepted(*outcome));
-    Answers {
+    OutcomeCounts {
         accepted: taken.iter().map(|(_, count)| count).sum(),
         rejected: refused
             .iter()

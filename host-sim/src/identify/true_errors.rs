@@ -17,11 +17,11 @@ pub const FILE: &str = "errors.toml";
 pub struct Truth {
     /// Heading given at the start minus true heading, deg.
     pub azimuth_error_deg: Option<f64>,
-    /// As felt by a level vehicle: scale errors of the vertical axis and misalignments to it included, mg.
+    /// As in a level vehicle: scale error of the vertical axis and misalignments to it included, mg.
     pub accel_bias_mg: [f64; 3],
     /// At the end of the run, deg/h.
     pub gyro_bias_deg_h: [f64; 3],
-    /// A fix stamped t shows the motion at t minus this, ms; none of a receiver that lags behind on top.
+    /// A fix stamped t shows the motion at t minus this, ms; none of a receiver with a lag in addition.
     pub gnss_latency_ms: Option<f64>,
 }
 
@@ -40,7 +40,7 @@ impl Truth {
             azimuth_error_deg: azimuth_error_rad.map(f64::to_degrees),
             accel_bias_mg: in_axes(felt_mps2, MG_MPS2),
             gyro_bias_deg_h: in_axes(errors.gyro_bias_radps.into(), DEG_H_RADPS),
-            // What is found is that of the middle of the run.
+            // The estimate is of the middle of the run.
             gnss_latency_ms: (errors.gnss_lag_s == 0.0)
                 .then_some(500.0 * (errors.gnss_latency_s + errors.gnss_latency_end_s)),
         }

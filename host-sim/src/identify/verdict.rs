@@ -1,9 +1,9 @@
-//! What the estimates of a log are worth.
+//! Whether the estimates of a log can be trusted.
 
 use ins_core::{Config, Estimate, Phase};
 use serde::Serialize;
 
-use super::words::{self, unaligned};
+use super::words::{self, why_not_navigating};
 use crate::identify::free_inertial::known;
 use crate::identify::halves::Difference;
 use crate::identify::row::{Counts, Row};
@@ -12,14 +12,14 @@ use crate::page::{brief, digits};
 
 /// Sigmas by which halves of a log may differ.
 const HALVES: f64 = 3.0;
-/// Times the spread of its class that an offset may have.
+/// Times the sigma of its class that an offset may have.
 const OFFSET: f64 = 4.0;
 /// Part of samples or fixes that may be refused.
 const REFUSED: f64 = 0.1;
 /// Median of the length of a level vector with a sigma of one on each axis.
 const MEDIAN_OF_TWO: f64 = 1.177;
 
-/// What speaks against the estimates.
+/// Reasons against the estimates, and notes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     pub trusted: bool,
@@ -35,7 +35,7 @@ impl Verdict {
         if phase != Phase::Navigating {
             let navigated = |row: &Row| row.phase == Phase::Navigating;
             let before = found.history.iter().any(navigated);
-            against.push(unaligned(phase, before).to_owned());
+            against.push(why_not_navigating(phase, before).to_owned());
         }
         let errors = &found.velocity_error;
         let both = errors.before.zip(errors.after);
@@ -81,7 +81,7 @@ impl Verdict {
         }
     }
 
-    /// The same, with what else speaks against the estimates.
+    /// The same, with another reason against the estimates.
     #[must_use]
     pub(crate) fn and(mut self, reason: Option<String>) -> Self {
         self.trusted &= reason.is_none();
@@ -120,7 +120,7 @@ fn half(difference: &Difference) -> Option<String> {
     })
 }
 
-/// What no sensor of a class does, if anything.
+/// The readings or offsets beyond those of the class, if any.
 pub(crate) fn beyond_class(unfit: &[(&str, bool)]) -> Option<String> {
     let names = unfit
         .iter()
@@ -146,7 +146,7 @@ fn offsets(found: &Identification) -> Option<String> {
     beyond_class(&[("gyro offsets", gyro), ("accelerometer offsets", accel)])
 }
 
-/// A latency that no receiver of its kind has: what smooths over seconds comes to one as well.
+/// A latency beyond that of such receivers; smoothing over seconds appears as one as well.
 fn latency(found: &Identification) -> Option<String> {
     let latency = &found.end.estimates.gnss_latency_s;
     let most = OFFSET * found.config.gnss.latency_sigma_s;
@@ -161,11 +161,11 @@ fn latency(found: &Identification) -> Option<String> {
     })
 }
 
-/// Velocity of GNSS against that of the INS, where it is more than the noise of GNSS may be.
+/// Differences of GNSS and INS velocity beyond the noise that GNSS may have.
 fn innovations(found: &Identification) -> Option<String> {
     let Config { gnss, .. } = found.config;
     let most = gnss.noise_range[1] * gnss.velocity_mps.white;
-    // The first half of the run has errors that are not found yet.
+    // In the first half of the run errors are not estimated yet.
     let later = &found.history[found.history.len() / 2..];
     let sizes = later.iter().filter(|row| row.phase == Phase::Navigating);
     let sizes = sizes.map(|row| row.signals.difference_enu_mps.xy().norm());
@@ -180,7 +180,7 @@ fn innovations(found: &Identification) -> Option<String> {
     })
 }
 
-/// How many were refused, and why, if they are many.
+/// Percentage and reasons of refusals, if they are many.
 fn refused<T: Copy>(
     what: &str,
     counts: &Counts<T>,

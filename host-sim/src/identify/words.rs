@@ -1,4 +1,4 @@
-//! What answers and estimates mean, in plain words.
+//! Outcomes and estimates in plain words.
 
 use ins_core::{GnssOutcome, ImuOutcome, Phase};
 
@@ -6,7 +6,7 @@ use crate::identify::quantities::Quantity;
 use crate::page::digits;
 
 /// Why nothing navigates at the end; `before`: whether it did.
-pub(crate) fn unaligned(phase: Phase, before: bool) -> &'static str {
+pub(crate) fn why_not_navigating(phase: Phase, before: bool) -> &'static str {
     match phase {
         _ if before => {
             "Level or heading were lost, and not found anew before the end: the samples have a hole, or \
@@ -20,7 +20,7 @@ pub(crate) fn unaligned(phase: Phase, before: bool) -> &'static str {
     }
 }
 
-/// Value and spread, or why there is none.
+/// Value and sigma, or why there is none.
 pub(crate) fn in_words(q: &Quantity) -> String {
     if q.observable() {
         with_sigma(q)
@@ -29,7 +29,7 @@ pub(crate) fn in_words(q: &Quantity) -> String {
     }
 }
 
-/// Both to the second digit of the spread.
+/// Both to the second digit of the sigma.
 pub(crate) fn with_sigma(q: &Quantity) -> String {
     let [value, sigma] = [q.value, q.sigma].map(|v| digits(q.sigma, v));
     format!("{value} \u{b1} {sigma}")

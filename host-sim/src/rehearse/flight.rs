@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::{Flight, FlightError};
 use crate::aircraft::plan::Plan;
-use crate::identify::run::{Event, as_they_come};
+use crate::identify::run::{Event, merged_by_time};
 use crate::log::Grade;
 use crate::sim::drive::Recording;
 use crate::sim::errors::Outage;
@@ -140,7 +140,7 @@ impl Flown {
     /// Samples and fixes as they arrive; a fix comes after the sample of its own stamp.
     pub fn events(&self) -> impl Iterator<Item = Event<'_>> {
         let arrivals = self.run.arrivals.iter().copied();
-        as_they_come(&self.run.imu, arrivals.zip(&self.run.gnss))
+        merged_by_time(&self.run.imu, arrivals.zip(&self.run.gnss))
     }
 
     /// The truth under the stamps of the samples with which a solution is asked for, once a second.

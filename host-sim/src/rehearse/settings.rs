@@ -9,7 +9,7 @@ use miette::{Result, bail, miette};
 use serde::{Deserialize, Serialize};
 
 use super::subject::Subject;
-use crate::identify::analysis::{Analysis, Given};
+use crate::identify::analysis::{Analysis, DistinctLogs};
 use crate::identify::error_model::{Identified, Record};
 use crate::identify::summary::Summary;
 use crate::identify::verdict::Verdict;
@@ -62,7 +62,7 @@ impl Drives {
     /// The same, as somebody else identifies each.
     pub fn of(paths: &[PathBuf], identified: impl Fn(&Path) -> Result<Analysis>) -> Result<Self> {
         let (mut verdicts, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut first, mut given) = (None::<(Grade, ImuOutput)>, Given::default());
+        let (mut first, mut given) = (None::<(Grade, ImuOutput)>, DistinctLogs::default());
         for path in paths {
             let analysis = identified(path)?;
             let this = (analysis.summary.grade, analysis.log.meta.imu);

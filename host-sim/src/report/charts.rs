@@ -7,10 +7,10 @@ use plotters::style::RGBColor;
 use crate::compare::five_stage::Stage;
 use crate::identify::against_truth;
 use crate::identify::analysis::Analysis;
+use crate::identify::baro_aided_ins::HorizontalError;
 use crate::identify::error_model::{Sensors, allan};
 use crate::identify::free_inertial::{Growth, WINDOW_S};
-use crate::identify::held_ins::LevelError;
-use crate::identify::innovations::{Innovation, Off};
+use crate::identify::innovations::{Innovation, Residual};
 use crate::identify::quantities::{
     DEG_H_RADPS, QUANTITIES, Quantities, Quantity, axis_name, in_axes, latency_of_log, title,
 };
@@ -219,14 +219,14 @@ impl<'a> Charts<'a> {
         let Some(errors) = &self.found.against_truth else {
             return figures;
         };
-        let curve = |points: &[against_truth::Point], value: fn(&LevelError) -> f64| {
+        let curve = |points: &[against_truth::Point], value: fn(&HorizontalError) -> f64| {
             // Nothing at zero, which no logarithm shows.
-            let point = |(time, error): &(Time, LevelError)| {
+            let point = |(time, error): &(Time, HorizontalError)| {
                 (self.since(*time), value(error).max(LEAST_ERROR))
             };
             thinned(points.iter().map(point))
         };
-        let figure = |title, unit, value: fn(&LevelError) -> f64| {
+        let figure = |title, unit, value: fn(&HorizontalError) -> f64| {
             let curves = [&errors.logged, &errors.free, &errors.damped].map(|e| curve(e, value));
             self.over_time(title, unit)
                 .line("free, as logged", RED, &curves[0])
@@ -337,7 +337,7 @@ impl<'a> Charts<'a> {
 
     /// Each component of the fixes against the solution of its moment.
     fn innovations(&self) -> Vec<Figure> {
-        type Component = fn(&Innovation) -> [Option<Off>; 3];
+        type Component = fn(&Innovation) -> [Option<Residual>; 3];
         let kinds: [(&str, &str, Component); 2] = [
             ("Velocity", "m/s", |i| i.velocity_mps),
             ("Position", "m", |i| i.position_m),
@@ -345,7 +345,7 @@ impl<'a> Charts<'a> {
         let mut figures = Vec::new();
         for (quantity, unit, component) in kinds {
             for (axis, direction) in EAST_NORTH_UP.into_iter().enumerate() {
-                let offs: Vec<(f64, Off)> = (self.found.innovations.iter())
+                let offs: Vec<(f64, Residual)> = (self.found.innovations.iter())
                     .filter_map(|i| Some((self.since(i.time), component(i)[axis]?)))
                     .collect();
                 // 1 where what they are off by agrees with its expectation.

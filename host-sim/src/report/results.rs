@@ -3,8 +3,8 @@
 use ins_core::Observability;
 
 use crate::identify::analysis::Analysis;
+use crate::identify::baro_aided_ins::HorizontalError;
 use crate::identify::error_model::Sensors;
-use crate::identify::held_ins::LevelError;
 use crate::identify::quantities::{QUANTITIES, Quantity, axis_name, in_axes, title};
 use crate::identify::true_errors::Truth;
 use crate::identify::words;
@@ -181,7 +181,7 @@ fn free(analysis: &Analysis) -> Table {
 }
 
 fn against_truth(analysis: &Analysis) -> Table {
-    let row = |(name, error): (&str, LevelError)| {
+    let row = |(name, error): (&str, HorizontalError)| {
         let [position, velocity] = [error.position_m, error.velocity_mps].map(brief);
         vec![name.to_owned(), position, velocity]
     };

@@ -238,7 +238,7 @@ fn candidate(model: &ErrorModel) -> Candidate {
         gyro_noise: model.gyro_deg_h.white_noise * DEG_H_RADPS,
         accel_noise: model.accel_mps2.white_noise,
         gnss_sigma_mps: model.gnss.velocity_sigma_mps,
-        gnss_memory: model.gnss.habits.velocity,
+        gnss_coloured: model.gnss.habits.velocity,
         dynamics: Dynamics::of(&model.gyro_deg_h.bias, DEG_H_RADPS),
         class: Class::of(model),
     }

@@ -324,9 +324,11 @@ fn settling_and_delays(log: &Log, config: Config) -> Result<(Option<Time>, [f64;
         }
     }
     let Settling {
-        settled, headed, ..
+        settled,
+        azimuth_known,
+        ..
     } = settling;
-    let first = settled.map(|settled| settled.max(headed.unwrap_or(settled)));
+    let first = settled.map(|settled| settled.max(azimuth_known.unwrap_or(settled)));
     let found = navigator.estimates();
     let delays = [found.gnss_latency_s, found.gnss_position_delay_s];
     Ok((first, delays.map(|delay| value(&delay))))

@@ -1,4 +1,4 @@
-//! Allan deviation of what sensors read at rest, from block means of a second up.
+//! Allan deviation of readings at rest, from block means of a second up.
 
 use std::path::Path;
 
@@ -17,7 +17,8 @@ const LEAST_CLUSTERS: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     pub tau_s: f64,
-    /// Of each axis. The interval counts clusters that do not overlap: it is a little too wide.
+    /// Of each axis. The interval has the degrees of freedom of clusters that do not overlap: it is a
+    /// little too wide.
     pub deviation: [Interval; 3],
 }
 
@@ -39,12 +40,11 @@ pub fn allan(series: &[Vec<Vector3<f64>>], step_s: f64) -> Vec<Point> {
                 }
             }
             (clusters >= LEAST_CLUSTERS).then(|| {
-                let freedom = clusters as f64;
+                let dof = clusters as f64;
                 Point {
                     tau_s: size as f64 * step_s,
-                    deviation: [0, 1, 2].map(|axis| {
-                        sigma_of_squares(0.5 * squares[axis] / count * freedom, freedom)
-                    }),
+                    deviation: [0, 1, 2]
+                        .map(|axis| sigma_of_squares(0.5 * squares[axis] / count * dof, dof)),
                 }
             })
         })

@@ -1,15 +1,15 @@
 //! The likelihood of a drive under an error model of its gyros: a Kalman filter over
 //! thesis equation (1) with the biases of (3) or (4).
 //!
-//! Constants and trends of the biases start without knowledge, so that the likelihood is the
-//! restricted one (REML): it says nothing of their spread and does not bias the other variances.
+//! Constants and trends of the biases have a diffuse prior, so that the likelihood is the restricted
+//! one (REML): it does not depend on their spread and does not bias the other variances.
 
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 use super::interval::Measured;
-use super::record::{Difference, Epoch, Felt, Record};
+use super::record::{Difference, Epoch, Integrals, Record};
 use crate::sim::ErrorModel;
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
@@ -19,14 +19,13 @@ const VELOCITY: usize = 0;
 const TILT: usize = 2;
 const RANDOM: usize = 5;
 const ACCEL_RANDOM: usize = 8;
-/// Noise of GNSS velocity that has a memory.
-const MEMORY: usize = 11;
+/// Coloured noise of GNSS velocity.
+const COLOURED: usize = 11;
 const SIZE: usize = 13;
 
-/// What stays as it is over a drive: constants and trends of the gyro biases, errors of the
-/// accelerometers and of scales, lever arm and latency, less what the navigator has found of them.
-/// What gyros level in the mount make of turns about its vertical is in those of the accelerometers:
-/// no turn tells them apart.
+/// Parameters, constant over a drive: constants and trends of the gyro biases, errors of accelerometer
+/// biases, scales, lever arm and latency, less the navigator's estimates of them. What gyros level in
+/// the mount read of turns about its vertical is in the accelerometer errors: turns do not separate them.
 const CONSTANT: usize = 0;
 const TREND: usize = 3;
 const ACCEL: usize = 6;
@@ -35,7 +34,7 @@ const GYRO_SCALE: usize = 12;
 const LEVER_ARM: usize = 15;
 const LATENCY: usize = 18;
 const PARAMETERS: usize = 19;
-/// A row of their effects; the last one is that of the measurements.
+/// Rows of the sensitivity: one for each parameter, the last is the state estimate itself.
 const ROWS: usize = PARAMETERS + 1;
 const MEAN: usize = PARAMETERS;
 
@@ -43,19 +42,19 @@ type Vector = SVector<f64, SIZE>;
 type Matrix = SMatrix<f64, SIZE, SIZE>;
 type Parameters = SVector<f64, PARAMETERS>;
 
-/// What is believed at the start of velocity and tilt, m/s and rad; of the azimuth at least.
+/// Initial sigma of velocity and tilt, m/s and rad; of the azimuth at least.
 const START_SIGMA: [f64; RANDOM] = [1.0, 1.0, 0.01, 0.01, 0.05];
-/// And of the parameters: rad/s for a constant and for what a trend does over a drive (100 deg/h:
-/// nothing, beside what a drive tells, and so are these of m and s).
+/// Prior sigma of the parameters: rad/s for a constant and for a trend over a whole drive (100 deg/h:
+/// diffuse, beside the information in a drive, and so are those in m and s).
 const BIAS_SIGMA: f64 = 5e-4;
 const LEVER_ARM_SIGMA: f64 = 1.0;
 const LATENCY_SIGMA: f64 = 0.1;
 
-/// What sensors of a class may be off by, one sigma.
+/// Prior sigmas of the errors of a class of sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Class {
     pub accel_bias_mps2: f64,
-    /// How they move from there, m/s^2.
+    /// Their drift, m/s^2.
     pub accel_dynamics: Dynamics,
     pub accel_scale: f64,
     pub gyro_scale: f64,
@@ -72,20 +71,20 @@ impl Class {
     }
 }
 
-/// How the random part of a bias moves. SI units.
+/// Stochastic process of the random part of a bias. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dynamics {
     /// Jumps at whole multiples of an interval since the start of the log, or exponentially
     /// correlated.
     pub law: Law,
-    /// Spread of a jump, or standard deviation, rad/s of gyros.
+    /// Sigma of a jump, or standard deviation, rad/s of gyros.
     pub size: f64,
     /// Interval, or correlation time, s.
     pub time_s: f64,
 }
 
 impl Dynamics {
-    /// Of a model whose unit is so much in SI.
+    /// Of a model in units of `unit` SI units.
     pub fn of(bias: &BiasModel, unit: f64) -> Self {
         let (law, size, time_s) = match *bias {
             BiasModel::Wave {
@@ -103,7 +102,7 @@ impl Dynamics {
         Self { law, size, time_s }
     }
 
-    /// As a noise with a memory, which it is in (4).
+    /// As the exponentially correlated noise that it is in (4).
     fn correlated(&self) -> Correlated {
         Correlated {
             sigma: self.size,
@@ -111,7 +110,7 @@ impl Dynamics {
         }
     }
 
-    /// What the trend of a bias is multiplied by: jumps so far, or time.
+    /// Factor of the trend of a bias: jumps so far, or time.
     fn trend_at(&self, time_s: f64) -> f64 {
         match self.law {
             Law::Wave => (time_s / self.time_s).floor(),
@@ -119,7 +118,7 @@ impl Dynamics {
         }
     }
 
-    /// Part of an epoch that lies before a jump; none without one.
+    /// Part of an epoch before a jump; none without one.
     fn jump_in(&self, epoch: &Epoch) -> Option<f64> {
         if self.law == Law::Continuous {
             return None;
@@ -129,7 +128,7 @@ impl Dynamics {
         (part > 0.0).then_some(part)
     }
 
-    /// The random part over an epoch, from when until when: in jumps it stays as it is in the middle.
+    /// Mean of the random part over an epoch, and its limits: a jump process is taken in the middle.
     fn mean_over(&self, epoch: &Epoch) -> ([f64; 2], Mean) {
         match self.law {
             Law::Wave => ([epoch.middle_s(); 2], Mean::STILL),
@@ -140,11 +139,11 @@ impl Dynamics {
         }
     }
 
-    /// The same over an epoch with a jump, after which this part of it lies.
+    /// The same over an epoch of which `part` lies after a jump.
     fn mean_over_jump(&self, part: f64) -> Mean {
         let jump = self.size * self.size;
         Mean {
-            kept: 1.0,
+            factor: 1.0,
             variance: part * part * jump,
             covariance: part * jump,
             step: (1.0, jump),
@@ -158,7 +157,7 @@ impl Dynamics {
         }
     }
 
-    /// From one time to a later one: what part is kept, and the variance that is added.
+    /// Transition factor and process variance from one time to a later one.
     fn step(&self, from_s: f64, to_s: f64) -> (f64, f64) {
         match self.law {
             Law::Wave => {
@@ -179,11 +178,11 @@ pub struct Candidate {
     pub accel_noise: f64,
     /// Noise of one GNSS velocity component, m/s.
     pub gnss_sigma_mps: f64,
-    /// Noise of it with a memory, on top.
-    pub gnss_memory: Correlated,
+    /// Coloured noise in addition.
+    pub gnss_coloured: Correlated,
     /// Random part of the gyro biases.
     pub dynamics: Dynamics,
-    /// What is believed of the rest.
+    /// Priors of the rest.
     pub class: Class,
 }
 
@@ -191,11 +190,11 @@ impl Candidate {
     fn biases(&self) -> [(Range<usize>, Dynamics); 2] {
         [
             (RANDOM..ACCEL_RANDOM, self.dynamics),
-            (ACCEL_RANDOM..MEMORY, self.class.accel_dynamics),
+            (ACCEL_RANDOM..COLOURED, self.class.accel_dynamics),
         ]
     }
 
-    /// One sigma of the parameters before a drive.
+    /// Prior sigma of the parameters.
     fn prior(&self, record: &Record) -> Parameters {
         let mut sigma = Parameters::zeros();
         for (first, of_three) in [
@@ -213,21 +212,21 @@ impl Candidate {
     }
 }
 
-/// What a drive says under a candidate.
+/// Likelihood and gyro biases of a drive under a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Answer {
+pub struct Posterior {
     /// Logarithm of the restricted likelihood, up to a constant.
     pub log_likelihood: f64,
     /// Constants of the biases, body axes, rad/s, and trends, rad/s per second or per jump.
     biases: Vector6<f64>,
-    /// Of their errors.
+    /// Of the errors of `biases`.
     covariance: Matrix6<f64>,
-    /// What a trend was believed to be before, one sigma.
+    /// Prior sigma of a trend.
     trend_sigma: f64,
 }
 
-impl Answer {
-    /// To a candidate beyond all sense.
+impl Posterior {
+    /// Under a candidate whose variances overflow.
     fn none() -> Self {
         Self {
             log_likelihood: f64::NEG_INFINITY,
@@ -237,7 +236,7 @@ impl Answer {
         }
     }
 
-    /// Constants, with trends drawn as a model says instead of unknown.
+    /// Constants, with trends of the model's distribution instead of the diffuse prior.
     pub fn constants_given(&self, trend_mean: f64, trend_sigma: f64) -> [Measured; 3] {
         let (constants, trends) = (self.three(CONSTANT), self.three(TREND));
         let both = self.covariance.fixed_view::<3, 3>(CONSTANT, TREND);
@@ -247,13 +246,13 @@ impl Answer {
         independent(&value, &(constants.1 - by * both.transpose()))
     }
 
-    pub fn shown_constants(&self, trend_mean: f64, trend_sigma: f64) -> Vec<Measured> {
-        shown(self.constants_given(trend_mean, trend_sigma), BIAS_SIGMA)
+    pub fn observed_constants(&self, trend_mean: f64, trend_sigma: f64) -> Vec<Measured> {
+        without_prior(self.constants_given(trend_mean, trend_sigma), BIAS_SIGMA)
     }
 
-    pub fn shown_trends(&self) -> Vec<Measured> {
+    pub fn observed_trends(&self) -> Vec<Measured> {
         let (value, covariance) = self.three(TREND);
-        shown(independent(&value, &covariance), self.trend_sigma)
+        without_prior(independent(&value, &covariance), self.trend_sigma)
     }
 
     pub fn trends(&self) -> [Measured; 3] {
@@ -273,7 +272,7 @@ impl Answer {
         )
     }
 
-    /// Log-likelihood with constants and trends drawn as a model says, instead of unknown.
+    /// Log-likelihood with constants and trends of the model's distribution instead of the diffuse prior.
     pub fn marginal(&self, constant_sigma: f64, trend_mean: f64, trend_sigma: f64) -> f64 {
         let mut off = self.biases;
         let mut covariance = self.covariance;
@@ -286,13 +285,13 @@ impl Answer {
             return f64::NEG_INFINITY;
         };
         let root = factor.l_dirty().diagonal().map(libm::log).sum();
-        // The density of what was believed before, which is flat.
+        // Density of the diffuse prior.
         let before = 3.0 * libm::log(BIAS_SIGMA * self.trend_sigma);
         self.log_likelihood + before - root - 0.5 * off.dot(&factor.solve(&off))
     }
 }
 
-/// Along axes whose errors do not go together: spreads are alike along all.
+/// Along the principal axes of the covariance, uncorrelated: spreads are alike along all axes.
 fn independent(value: &Vector3<f64>, covariance: &Matrix3<f64>) -> [Measured; 3] {
     let axes = covariance.symmetric_eigen();
     let value = axes.eigenvectors.tr_mul(value);
@@ -302,34 +301,34 @@ fn independent(value: &Vector3<f64>, covariance: &Matrix3<f64>) -> [Measured; 3]
     })
 }
 
-/// What a drive shows: what was believed before is none.
-fn shown(all: [Measured; 3], believed: f64) -> Vec<Measured> {
-    let shown = |one: &Measured| one.beyond(believed).is_some();
-    all.into_iter().filter(shown).collect()
+/// Those that are observed, not the prior alone.
+fn without_prior(all: [Measured; 3], prior: f64) -> Vec<Measured> {
+    let without_prior = |one: &Measured| one.without_prior(prior).is_some();
+    all.into_iter().filter(without_prior).collect()
 }
 
-pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
-    let mut state = State::new(record, candidate);
+pub fn filter(record: &Record, candidate: &Candidate) -> Posterior {
+    let mut state = TwoStageFilter::new(record, candidate);
     for epoch in &record.epochs {
         match candidate.dynamics.jump_in(epoch) {
             Some(part) => {
                 let (before, after) = epoch.split(part);
-                state.take(&before, None, candidate);
-                if let Some(rate) = epoch.rest_rate_radps.as_ref().filter(|_| !epoch.broken) {
+                state.process_epoch(&before, None, candidate);
+                if let Some(rate) = epoch.rest_rate_radps.as_ref().filter(|_| !epoch.has_gap) {
                     let mean = candidate.dynamics.mean_over_jump(1.0 - part);
                     let trend = candidate.dynamics.trend_at(state.time_s) + 1.0 - part;
                     state.measure_biases(rate, candidate.gyro_noise, epoch.seconds, (trend, &mean));
                     state.time_s = after.middle_s();
                 }
-                state.take(&after, None, candidate);
+                state.process_epoch(&after, None, candidate);
             }
-            None => state.take(epoch, epoch.rest_rate_radps.as_ref(), candidate),
+            None => state.process_epoch(epoch, epoch.rest_rate_radps.as_ref(), candidate),
         }
     }
-    state.answer(record, &candidate.prior(record))
+    state.posterior(record, &candidate.prior(record))
 }
 
-/// Not by whole jumps: one more at the very end must not make the model likelier.
+/// Prior of the trend; not by whole jumps, as one more at the very end must not raise the likelihood.
 fn trend_sigma(record: &Record, dynamics: &Dynamics) -> f64 {
     let unit_s = match dynamics.law {
         Law::Wave => dynamics.time_s,
@@ -338,21 +337,22 @@ fn trend_sigma(record: &Record, dynamics: &Dynamics) -> f64 {
     BIAS_SIGMA * unit_s / record.duration_s.max(1.0)
 }
 
-/// A filter of two stages (Friedland, 1969): the first one knows nothing of the parameters, the
-/// second has their effects on it.
-struct State {
+/// Separate-bias estimation (Friedland, 1969): a filter that takes the parameters as zero, and its
+/// sensitivity to them.
+struct TwoStageFilter {
     time_s: f64,
     start_sigma: [f64; RANDOM],
     covariance: Matrix,
-    /// What one of each parameter makes of the state, a row each; the mean without any.
-    effects: SMatrix<f64, ROWS, SIZE>,
-    /// Sum over the measurements of the products of effects on them, weighed; the last row and
-    /// column are those of the measurements themselves.
+    /// Partials of the state by each parameter, a row each; the last row is the state estimate.
+    sensitivity: SMatrix<f64, ROWS, SIZE>,
+    /// Information matrix of the parameters; the last row and column are of the innovations, with
+    /// opposite sign.
     information: SMatrix<f64, ROWS, ROWS>,
+    /// Sum over the innovations of the logarithms of their variances.
     log_variances: f64,
 }
 
-impl State {
+impl TwoStageFilter {
     fn new(record: &Record, candidate: &Candidate) -> Self {
         let [east, north, tilt_east, tilt_north, azimuth] = START_SIGMA;
         let azimuth = azimuth.max(record.azimuth_sigma_rad);
@@ -366,30 +366,30 @@ impl State {
                 covariance[(axis, axis)] = dynamics.initial_variance();
             }
         }
-        let remembered = candidate.gnss_memory.sigma * candidate.gnss_memory.sigma;
-        for axis in MEMORY..SIZE {
-            covariance[(axis, axis)] = remembered;
+        let coloured = candidate.gnss_coloured.sigma * candidate.gnss_coloured.sigma;
+        for axis in COLOURED..SIZE {
+            covariance[(axis, axis)] = coloured;
         }
         Self {
             time_s: 0.0,
             start_sigma,
             covariance,
-            effects: SMatrix::zeros(),
+            sensitivity: SMatrix::zeros(),
             information: SMatrix::zeros(),
             log_variances: 0.0,
         }
     }
 
-    /// The parameters by what was believed of them and what they explain of the measurements.
-    fn answer(&self, record: &Record, prior: &Parameters) -> Answer {
+    /// Estimates of the parameters from their prior and the information in the measurements.
+    fn posterior(&self, record: &Record, prior: &Parameters) -> Posterior {
         let spread = SMatrix::from_diagonal(prior);
         let within = (self.information).fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
         let seen = -(self.information).fixed_view::<PARAMETERS, 1>(0, MEAN);
-        // In units of what was believed: parameters that cannot be off drop out.
+        // In units of the prior sigma: parameters with a zero prior drop out.
         let scaled = SMatrix::identity() + spread * within * spread;
         let pull: Parameters = spread * seen;
         let Some(factor) = scaled.cholesky() else {
-            return Answer::none();
+            return Posterior::none();
         };
         let log_determinant = 2.0 * factor.l_dirty().diagonal().map(libm::log).sum();
         let mean = spread * factor.solve(&pull);
@@ -398,7 +398,7 @@ impl State {
         let mut biases = mean.fixed_rows::<6>(CONSTANT).into_owned();
         let mut constants = biases.fixed_rows_mut::<3>(CONSTANT);
         constants += record.gyro_reference_radps;
-        Answer {
+        Posterior {
             log_likelihood: -0.5 * (self.log_variances + log_determinant + square),
             biases,
             covariance: covariance
@@ -408,18 +408,21 @@ impl State {
         }
     }
 
-    /// An epoch, with the biases that gyros read in it.
-    fn take(&mut self, epoch: &Epoch, rate: Option<&Vector3<f64>>, candidate: &Candidate) {
+    /// Measurement updates and propagation over an epoch; `rate` is the gyro reading at rest.
+    fn process_epoch(&mut self, epoch: &Epoch, rate: Option<&Vector3<f64>>, candidate: &Candidate) {
         let ([from_s, to_s], mean) = candidate.dynamics.mean_over(epoch);
-        self.wander(from_s, candidate);
+        self.propagate_biases(from_s, candidate);
         match &epoch.difference {
-            Some(difference) if !epoch.broken => {
+            Some(difference) if !epoch.has_gap => {
                 self.measure_velocity(epoch, difference, candidate);
             }
-            _ => self.forget(MEMORY..SIZE, step(&candidate.gnss_memory, epoch.seconds)),
+            _ => self.gauss_markov(
+                COLOURED..SIZE,
+                step(&candidate.gnss_coloured, epoch.seconds),
+            ),
         }
-        if epoch.broken {
-            self.lose_attitude();
+        if epoch.has_gap {
+            self.reset_attitude();
             return;
         }
         let trend = candidate.dynamics.trend_at(epoch.middle_s());
@@ -429,19 +432,19 @@ impl State {
         }
         self.propagate(epoch, (trend, &mean));
         self.time_s = to_s;
-        self.diffuse(epoch, noise * epoch.seconds, candidate.accel_noise);
+        self.add_process_noise(epoch, noise * epoch.seconds, candidate.accel_noise);
     }
 
-    /// Noise of the sensors over an epoch: what the tilt has walked, and velocity with it. At rest
-    /// the turning of the platform is known, noise and all.
-    fn diffuse(&mut self, epoch: &Epoch, walked: f64, accel_noise: f64) {
+    /// Process noise over an epoch: random walk of the tilt, and of the velocity by it. At rest the
+    /// rotation of the platform is known, its noise included.
+    fn add_process_noise(&mut self, epoch: &Epoch, walked: f64, accel_noise: f64) {
         for axis in VELOCITY..VELOCITY + 2 {
             self.covariance[(axis, axis)] += accel_noise * accel_noise * epoch.seconds;
         }
         if epoch.rest_rate_radps.is_some() {
             return;
         }
-        let by_tilt = [0, 1].map(|axis| force_by_tilt(&epoch.felt.force_mps, axis));
+        let by_tilt = [0, 1].map(|axis| force_by_tilt(&epoch.integrals.force_mps, axis));
         for axis in 0..3 {
             self.covariance[(TILT + axis, TILT + axis)] += walked;
         }
@@ -457,18 +460,18 @@ impl State {
         }
     }
 
-    fn wander(&mut self, to_s: f64, candidate: &Candidate) {
+    fn propagate_biases(&mut self, to_s: f64, candidate: &Candidate) {
         for (axes, dynamics) in candidate.biases() {
-            self.forget(axes, dynamics.step(self.time_s, to_s));
+            self.gauss_markov(axes, dynamics.step(self.time_s, to_s));
         }
         self.time_s = to_s;
     }
 
-    /// All but a part of some states, and adds a variance to them.
-    fn forget(&mut self, states: Range<usize>, (keep, variance): (f64, f64)) {
+    /// Applies a transition factor and a process variance to some states.
+    fn gauss_markov(&mut self, states: Range<usize>, (keep, variance): (f64, f64)) {
         for axis in states {
             if keep < 1.0 {
-                self.effects.column_mut(axis).scale_mut(keep);
+                self.sensitivity.column_mut(axis).scale_mut(keep);
                 self.covariance.row_mut(axis).scale_mut(keep);
                 self.covariance.column_mut(axis).scale_mut(keep);
             }
@@ -476,35 +479,35 @@ impl State {
         }
     }
 
-    /// After a hole velocity and attitude begin anew; the biases go on.
-    fn lose_attitude(&mut self) {
+    /// After a gap velocity and attitude are reset to their initial sigmas; the biases continue.
+    fn reset_attitude(&mut self) {
         for (axis, sigma) in self.start_sigma.into_iter().enumerate() {
-            self.effects.column_mut(axis).fill(0.0);
+            self.sensitivity.column_mut(axis).fill(0.0);
             self.covariance.row_mut(axis).fill(0.0);
             self.covariance.column_mut(axis).fill(0.0);
             self.covariance[(axis, axis)] = sigma * sigma;
         }
     }
 
-    /// `dV` at the fixes: that of the start and what the tilt and the accelerometers have made of
-    /// it since.
+    /// Update with `dV` at the fixes: that at the start of the epoch and its growth by tilt and
+    /// accelerometer errors since.
     fn measure_velocity(&mut self, epoch: &Epoch, difference: &Difference, candidate: &Candidate) {
         let fixes = f64::from(difference.fixes);
         let white = candidate.gnss_sigma_mps * candidate.gnss_sigma_mps / fixes;
-        let mean = Mean::new(&candidate.gnss_memory, epoch.seconds, difference.fixes);
+        let mean = Mean::new(&candidate.gnss_coloured, epoch.seconds, difference.fixes);
         for axis in 0..2 {
             let mut row = Vector::zeros();
             row[VELOCITY + axis] = 1.0;
-            row[MEMORY + axis] = -mean.kept;
-            let felt = &difference.felt;
+            row[COLOURED + axis] = -mean.factor;
+            let integrals = &difference.integrals;
             for (first, by) in [
-                (TILT, force_by_tilt(&felt.force_mps, axis)),
-                (ACCEL_RANDOM, felt.attitude_s.row(axis).transpose()),
+                (TILT, force_by_tilt(&integrals.force_mps, axis)),
+                (ACCEL_RANDOM, integrals.attitude_s.row(axis).transpose()),
             ] {
                 row.fixed_rows_mut::<3>(first).copy_from(&by);
             }
             let mut direct = Parameters::zeros();
-            for (first, gained) in felt.velocity_effects() {
+            for (first, gained) in integrals.velocity_partials() {
                 direct
                     .fixed_rows_mut::<3>(first)
                     .copy_from(&gained.row(axis).transpose());
@@ -513,14 +516,14 @@ impl State {
             direct.fixed_rows_mut::<3>(LEVER_ARM).copy_from(&of_arm);
             direct[LATENCY] = difference.acceleration_mps2[axis];
             let noise = white + mean.variance;
-            let mut seen = self.seen(&row, &direct, difference.velocity_mps[axis], noise);
-            self.forget(MEMORY + axis..MEMORY + axis + 1, mean.step);
-            seen.gain[MEMORY + axis] = mean.step.0 * seen.gain[MEMORY + axis] - mean.covariance;
-            self.weigh(&seen);
+            let mut seen = self.innovation(&row, &direct, difference.velocity_mps[axis], noise);
+            self.gauss_markov(COLOURED + axis..COLOURED + axis + 1, mean.step);
+            seen.pht[COLOURED + axis] = mean.step.0 * seen.pht[COLOURED + axis] - mean.covariance;
+            self.update(&seen);
         }
     }
 
-    /// Gyros of a vehicle at rest read their biases: the mean over some seconds, with this trend.
+    /// Update with the gyro reading at rest, which is the bias: a mean over some seconds.
     fn measure_biases(
         &mut self,
         rate_radps: &Vector3<f64>,
@@ -531,68 +534,71 @@ impl State {
         let noise = gyro_noise * gyro_noise / seconds + mean.variance;
         for axis in 0..3 {
             let (mut row, mut direct) = (Vector::zeros(), Parameters::zeros());
-            row[RANDOM + axis] = mean.kept;
+            row[RANDOM + axis] = mean.factor;
             direct[CONSTANT + axis] = 1.0;
             direct[TREND + axis] = trend;
-            let mut seen = self.seen(&row, &direct, rate_radps[axis], noise);
-            self.forget(RANDOM + axis..RANDOM + axis + 1, mean.step);
-            seen.gain[RANDOM + axis] = mean.step.0 * seen.gain[RANDOM + axis] + mean.covariance;
-            self.weigh(&seen);
+            let mut seen = self.innovation(&row, &direct, rate_radps[axis], noise);
+            self.gauss_markov(RANDOM + axis..RANDOM + axis + 1, mean.step);
+            seen.pht[RANDOM + axis] = mean.step.0 * seen.pht[RANDOM + axis] + mean.covariance;
+            self.update(&seen);
         }
     }
 
-    fn seen(&self, row: &Vector, direct: &Parameters, measured: f64, noise: f64) -> Seen {
-        let mut gain = Vector::zeros();
+    fn innovation(
+        &self,
+        row: &Vector,
+        direct: &Parameters,
+        measured: f64,
+        noise: f64,
+    ) -> Innovation {
+        let mut pht = Vector::zeros();
         for (column, factor) in row.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
-            add(
-                &mut gain.data.0[0],
-                *factor,
-                &self.covariance.data.0[column],
-            );
+            add(&mut pht.data.0[0], *factor, &self.covariance.data.0[column]);
         }
-        let variance = row.dot(&gain) + noise;
-        let mut foretold = self.effects * row;
-        let mut of_parameters = foretold.fixed_rows_mut::<PARAMETERS>(0);
+        let variance = row.dot(&pht) + noise;
+        let mut partials = self.sensitivity * row;
+        let mut of_parameters = partials.fixed_rows_mut::<PARAMETERS>(0);
         of_parameters += direct;
-        foretold[MEAN] -= measured;
-        Seen {
-            gain,
-            foretold,
+        partials[MEAN] -= measured;
+        Innovation {
+            pht,
+            partials,
             variance,
         }
     }
 
-    fn weigh(&mut self, seen: &Seen) {
-        let (gain, foretold, weight) = (&seen.gain, &seen.foretold, 1.0 / seen.variance);
-        add_product(&mut self.effects, -weight, foretold, gain);
-        add_product(&mut self.covariance, -weight, gain, gain);
-        add_product(&mut self.information, weight, foretold, foretold);
+    fn update(&mut self, seen: &Innovation) {
+        let (pht, partials, weight) = (&seen.pht, &seen.partials, 1.0 / seen.variance);
+        add_product(&mut self.sensitivity, -weight, partials, pht);
+        add_product(&mut self.covariance, -weight, pht, pht);
+        add_product(&mut self.information, weight, partials, partials);
         self.log_variances += libm::log(seen.variance);
     }
 
     /// `dV' = f x Phi + C df`, `Phi' = -w x Phi - C dw`, and the known controls.
     fn propagate(&mut self, epoch: &Epoch, (trend, mean): (f64, &Mean)) {
         // `P F'`, then the same on its transpose: `F P F'`.
-        let turned = epoch.felt.turned_by_biases();
-        let transition = epoch.transition(&(mean.kept * turned));
-        let carried = carried(&transition, &self.covariance).transpose();
-        self.covariance = self::carried(&transition, &carried);
-        self.effects = self::carried(&transition, &self.effects);
-        for (first, gained) in epoch.felt.velocity_effects() {
-            let mut effects = self.effects.fixed_view_mut::<3, 2>(first, VELOCITY);
-            effects += gained.fixed_rows::<2>(0).transpose();
+        let by_bias = epoch.integrals.bias_effect();
+        let transition = epoch.transition(&(mean.factor * by_bias));
+        let propagated = propagated(&transition, &self.covariance).transpose();
+        self.covariance = self::propagated(&transition, &propagated);
+        self.sensitivity = self::propagated(&transition, &self.sensitivity);
+        for (first, gained) in epoch.integrals.velocity_partials() {
+            let mut sensitivity = self.sensitivity.fixed_view_mut::<3, 2>(first, VELOCITY);
+            sensitivity += gained.fixed_rows::<2>(0).transpose();
         }
         if epoch.rest_rate_radps.is_none() {
-            self.turn(CONSTANT, &turned);
-            self.turn(TREND, &(trend * turned));
-            let mut tilts = self.effects.fixed_view_mut::<3, 3>(GYRO_SCALE, TILT);
-            tilts -= epoch.felt.scaled_turn_rad.transpose();
-            self.wander_meanwhile(&turned, mean);
+            self.add_sensitivity(CONSTANT, &by_bias);
+            self.add_sensitivity(TREND, &(trend * by_bias));
+            let mut tilts = self.sensitivity.fixed_view_mut::<3, 3>(GYRO_SCALE, TILT);
+            tilts -= epoch.integrals.scaled_turn_rad.transpose();
+            self.add_drift_within_epoch(&by_bias, mean);
         }
-        // What the gyros read at rest is what turns the platform until it is set back.
-        let grown = -epoch.felt.attitude_s * epoch.rest_rate_radps.unwrap_or_default();
-        let gained = 0.5 * epoch.felt.force_mps.cross(&grown).xy() + epoch.velocity_control_mps;
-        let mut mean = self.effects.row_mut(MEAN);
+        // At rest the rate read by the gyros rotates the platform until the control sets it back.
+        let grown = -epoch.integrals.attitude_s * epoch.rest_rate_radps.unwrap_or_default();
+        let gained =
+            0.5 * epoch.integrals.force_mps.cross(&grown).xy() + epoch.velocity_control_mps;
+        let mut mean = self.sensitivity.row_mut(MEAN);
         for axis in 0..2 {
             mean[VELOCITY + axis] += gained[axis];
         }
@@ -601,62 +607,64 @@ impl State {
         }
     }
 
-    /// What biases do in an epoch on top of what they were at its start, and what that turns.
-    fn wander_meanwhile(&mut self, turned: &SMatrix<f64, 3, RANDOM>, mean: &Mean) {
+    /// Random change of the biases within an epoch, and the tilt due to it.
+    fn add_drift_within_epoch(&mut self, by_bias: &SMatrix<f64, 3, RANDOM>, mean: &Mean) {
         if mean.step == Mean::STILL.step {
             return;
         }
-        self.forget(RANDOM..ACCEL_RANDOM, mean.step);
+        self.gauss_markov(RANDOM..ACCEL_RANDOM, mean.step);
         let mut covariance = self.covariance.fixed_view_mut::<RANDOM, RANDOM>(0, 0);
-        covariance += mean.variance * turned.tr_mul(turned);
-        let both = mean.covariance * turned;
+        covariance += mean.variance * by_bias.tr_mul(by_bias);
+        let both = mean.covariance * by_bias;
         let mut covariance = self.covariance.fixed_view_mut::<3, RANDOM>(RANDOM, 0);
         covariance += both;
         let mut covariance = self.covariance.fixed_view_mut::<RANDOM, 3>(0, RANDOM);
         covariance += both.transpose();
     }
 
-    fn turn(&mut self, first: usize, by: &SMatrix<f64, 3, RANDOM>) {
-        let mut effects = self.effects.fixed_view_mut::<3, RANDOM>(first, VELOCITY);
-        effects += by;
+    fn add_sensitivity(&mut self, first: usize, by: &SMatrix<f64, 3, RANDOM>) {
+        let mut sensitivity = self
+            .sensitivity
+            .fixed_view_mut::<3, RANDOM>(first, VELOCITY);
+        sensitivity += by;
     }
 }
 
-/// A measurement, before it is made use of.
-struct Seen {
-    /// Covariance of the state with it.
-    gain: Vector,
-    /// What each parameter makes of it, and what it is short of the mean.
-    foretold: SVector<f64, ROWS>,
+/// An innovation before the update with it.
+struct Innovation {
+    /// Covariance of the state with it, `P H'`.
+    pht: Vector,
+    /// Its partials by each parameter; the last is predicted minus measured.
+    partials: SVector<f64, ROWS>,
     variance: f64,
 }
 
-/// From one time to a later one: what part is kept, and the variance that is added.
+/// Transition factor and process variance over some seconds.
 fn step(noise: &Correlated, seconds: f64) -> (f64, f64) {
     let keep = libm::exp(-seconds / noise.time_s);
     (keep, noise.sigma * noise.sigma * (1.0 - keep * keep))
 }
 
-/// Parts of an epoch whose mean stands for that over all of it: their variance is good to 1 / (4 n^2).
+/// Points whose mean approximates that over an epoch: its variance is good to 1 / (4 n^2).
 const PARTS: u32 = 6;
 
-/// The mean of a noise with a memory over moments in an epoch, each in the middle of its part, as of
-/// fixes that share it: smoother than the noise at any moment, and bound to that at the end.
+/// Mean of a coloured noise over points in an epoch, each in the middle of its part, such as the
+/// fixes: of less variance than the noise itself, and correlated with it at the end.
 struct Mean {
-    /// Part of the noise at the start that is in it.
-    kept: f64,
-    /// Variance of the rest of it.
+    /// Factor of the noise at the start in it.
+    factor: f64,
+    /// Variance of the remainder.
     variance: f64,
-    /// Covariance of that with the noise at the end.
+    /// Covariance of the remainder with the noise at the end.
     covariance: f64,
-    /// The noise itself, from the start to the end.
+    /// Transition factor and process variance of the noise itself over the epoch.
     step: (f64, f64),
 }
 
 impl Mean {
-    /// Of what does not move.
+    /// Of a constant.
     const STILL: Self = Self {
-        kept: 1.0,
+        factor: 1.0,
         variance: 0.0,
         covariance: 0.0,
         step: (1.0, 0.0),
@@ -664,16 +672,16 @@ impl Mean {
 
     fn new(noise: &Correlated, seconds: f64, fixes: u32) -> Self {
         let (keep, added) = step(noise, 0.5 * seconds / f64::from(fixes));
-        let (mut kept, mut sum_kept) = (1.0, 0.0);
-        // Of the noise and of the sum of the fixes, as far as the start does not tell them.
+        let (mut factor, mut sum_factor) = (1.0, 0.0);
+        // Variances of noise and sum of the fixes, and their covariance, given the noise at the start.
         let (mut noise, mut both, mut sum) = (0.0, 0.0, 0.0);
         for _ in 0..fixes {
             for ends_part in [false, true] {
-                kept *= keep;
+                factor *= keep;
                 noise = keep * keep * noise + added;
                 both *= keep;
                 if !ends_part {
-                    sum_kept += kept;
+                    sum_factor += factor;
                     sum += 2.0 * both + noise;
                     both += noise;
                 }
@@ -681,18 +689,18 @@ impl Mean {
         }
         let fixes = f64::from(fixes);
         Self {
-            kept: sum_kept / fixes,
+            factor: sum_factor / fixes,
             variance: sum / (fixes * fixes),
             covariance: both / fixes,
-            step: (kept, noise),
+            step: (factor, noise),
         }
     }
 }
 
-impl Felt {
-    /// What biases and scales of the accelerometers and scales of the gyros do to the velocity, by axes
-    /// of the body.
-    fn velocity_effects(&self) -> [(usize, Matrix3<f64>); 3] {
+impl Integrals {
+    /// Partials of the velocity by biases and scales of the accelerometers and scales of the gyros, by
+    /// axes of the body.
+    fn velocity_partials(&self) -> [(usize, Matrix3<f64>); 3] {
         [
             (ACCEL, self.attitude_s),
             (ACCEL_SCALE, self.scaled_force_mps),
@@ -700,9 +708,9 @@ impl Felt {
         ]
     }
 
-    /// What gyro biases about each axis of the body do to velocity and tilt: half of the tilt that an
-    /// epoch adds is felt in it.
-    fn turned_by_biases(&self) -> SMatrix<f64, 3, RANDOM> {
+    /// Partials of velocity and tilt by the gyro bias about each axis of the body: half of the tilt
+    /// added in an epoch acts in it.
+    fn bias_effect(&self) -> SMatrix<f64, 3, RANDOM> {
         let mut by = SMatrix::zeros();
         for (other, turn) in self.attitude_s.column_iter().enumerate() {
             for axis in 0..2 {
@@ -718,7 +726,7 @@ impl Felt {
 }
 
 impl Epoch {
-    /// What each state makes of others until the end of the epoch.
+    /// Off-diagonal elements of the transition matrix over the epoch.
     fn transition(&self, by_bias: &SMatrix<f64, 3, RANDOM>) -> Vec<Coupling> {
         let mut all = Vec::with_capacity(COUPLINGS);
         let mut couple = |from: usize, to: usize, by: f64| {
@@ -729,7 +737,7 @@ impl Epoch {
         let turn = -self.seconds * self.frame_rate_radps.cross_matrix();
         for tilt in 0..3 {
             for axis in 0..2 {
-                let by = force_by_tilt(&self.felt.force_mps, axis)[tilt];
+                let by = force_by_tilt(&self.integrals.force_mps, axis)[tilt];
                 couple(TILT + tilt, VELOCITY + axis, by);
             }
             for axis in 0..3 {
@@ -738,7 +746,7 @@ impl Epoch {
         }
         for other in 0..3 {
             for axis in 0..2 {
-                let by = self.felt.attitude_s[(axis, other)];
+                let by = self.integrals.attitude_s[(axis, other)];
                 couple(ACCEL_RANDOM + other, VELOCITY + axis, by);
             }
             if self.rest_rate_radps.is_none() {
@@ -751,18 +759,18 @@ impl Epoch {
     }
 }
 
-/// What one state makes of another one.
+/// An off-diagonal element of the transition matrix.
 struct Coupling {
     from: usize,
     to: usize,
     by: f64,
 }
 
-/// Tilts of velocity and of each other, biases of gyros of both, of accelerometers of velocity.
+/// Tilts into velocity and each other, gyro biases into both, accelerometer biases into velocity.
 const COUPLINGS: usize = 3 * 2 + 3 * 3 + 3 * 5 + 3 * 2;
 
-/// Rows of a state at the start of an epoch, at its end.
-fn carried<const N: usize>(
+/// Rows of state vectors, propagated from the start of an epoch to its end.
+fn propagated<const N: usize>(
     transition: &[Coupling],
     rows: &SMatrix<f64, N, SIZE>,
 ) -> SMatrix<f64, N, SIZE> {
@@ -773,7 +781,7 @@ fn carried<const N: usize>(
     out
 }
 
-// Plain loops over columns: nalgebra's own take a third more of the time of all.
+// Plain loops over columns: with nalgebra's own the whole takes a third longer.
 
 fn add<const N: usize>(to: &mut [f64; N], by: f64, from: &[f64; N]) {
     for (to, from) in to.iter_mut().zip(from) {
@@ -792,7 +800,7 @@ fn add_product<const N: usize, const M: usize>(
     }
 }
 
-/// East (0) or north (1) component of `f x Phi` by Phi.
+/// Partials of the east (0) or north (1) component of `f x Phi` by Phi.
 fn force_by_tilt(force: &Vector3<f64>, axis: usize) -> Vector3<f64> {
     match axis {
         0 => Vector3::new(0.0, -force.z, force.y),
@@ -809,7 +817,7 @@ mod tests {
             gyro_noise,
             accel_noise: 1e-3,
             gnss_sigma_mps: 0.1,
-            gnss_memory: Correlated::default(),
+            gnss_coloured: Correlated::default(),
             dynamics: Dynamics { law, size, time_s },
             class: Class {
                 accel_bias_mps2: 0.01,
@@ -839,9 +847,9 @@ mod tests {
         let mean = Mean::new(&noise, seconds, 7);
         let of_mean = times.iter().map(|time| with(*time)).sum::<f64>() / fixes;
         let found = [
-            mean.kept * variance,
-            mean.kept * mean.kept * variance + mean.variance,
-            mean.kept * mean.step.0 * variance + mean.covariance,
+            mean.factor * variance,
+            mean.factor * mean.factor * variance + mean.variance,
+            mean.factor * mean.step.0 * variance + mean.covariance,
             mean.step.0 * mean.step.0 * variance + mean.step.1,
         ];
         for (found, expected) in
@@ -856,8 +864,8 @@ mod tests {
         }
     }
 
-    /// Against the density of the readings as one normal vector, means of what is correlated over a
-    /// constant and a trend; rounding only. Taken for the values in the middle they differ by 2.7.
+    /// Against the density of the readings as one normal vector, means of a correlated noise over a
+    /// constant and a trend; rounding only. With the values in the middle for the means it is off by 2.7.
     #[test]
     fn readings_at_rest_are_means_of_biases_that_wander() {
         let (size, time_s, seconds, noise) = (3e-5, 5.0, 2.0, 1e-5);
@@ -898,8 +906,8 @@ mod tests {
         );
     }
 
-    /// No measurement is lost where a jump falls into an epoch: the likelihood goes on without a step as
-    /// a jump moves over the border of two.
+    /// No measurement is lost where a jump falls into an epoch: the likelihood is continuous as a jump
+    /// moves across the border of two epochs.
     #[test]
     fn a_jump_at_rest_hides_nothing() {
         let still = |n: i32| Epoch {

@@ -1,4 +1,4 @@
-//! All parameters of an error model as found, each with its interval.
+//! All parameters of an error model as identified, each with its interval.
 
 use serde::Serialize;
 
@@ -25,24 +25,24 @@ pub struct Parameter {
     #[serde(flatten)]
     pub found: Option<Interval>,
     pub observable: bool,
-    /// What is missing if not, or what the value stands on.
+    /// What is missing if not observable.
     pub why: &'static str,
 }
 
-/// A part of the model that does not stand on the drives.
+/// A part of the model that is assumed, not identified.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Assumed {
-    /// Path in the file, or what has none.
+    /// Path in the file, or the name of an effect that is not in it.
     pub name: &'static str,
     pub unit: &'static str,
-    /// What the model has.
+    /// Value in the model.
     pub value: f64,
     /// Why the drives do not show it.
     pub why: &'static str,
 }
 
 impl Assumed {
-    /// None if the drives show it, with a bound on either side.
+    /// None if it is observable, with a bound on either side.
     fn of(parameter: &Parameter, model: &ErrorModel) -> Option<Self> {
         let bounded = parameter.found.is_none_or(|found| found.high.is_finite());
         (!parameter.observable || !bounded).then(|| Self {
@@ -64,7 +64,7 @@ impl Assumed {
     }
 }
 
-/// The value at a path of a model's file; what is not there is zero, and a noise once itself.
+/// The value at a path of a model's file; if absent zero, of `noise_times` one.
 pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
     let mut keys = path.split(['.', '[', ']']).filter(|key| !key.is_empty());
     let file = toml::Value::try_from(model).ok();
@@ -78,7 +78,7 @@ pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
     value.and_then(|value| value.as_float()).unwrap_or(absent)
 }
 
-/// What drives say of their sensors.
+/// Error model identified from drives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
     pub drives: usize,
@@ -92,8 +92,8 @@ pub struct Identified {
     gyro_scale: Option<Interval>,
     accel_scale: Option<Interval>,
     latency_s: Option<[Interval; 2]>,
-    /// Fixes of a drive were moved in time, and the latency is what was left.
-    moved: bool,
+    /// The stamps of a drive's fixes were shifted, and the latency is the remainder.
+    clocks_shifted: bool,
     fix_rate_hz: f64,
 }
 
@@ -104,7 +104,7 @@ impl Identified {
         let accel_at_rest = RestNoise::new(records, |block| block.force_mps2);
         let class_noise = class.accel_mps2.white_noise;
         let known_noise = accel_at_rest.map_or(class_noise, |noise| noise.density.value);
-        // A scale error of the up axis is felt as a bias of it.
+        // A scale error of the up axis acts as a bias of it.
         let axes = if class.accel_mps2.scale_sigma > 0.0 {
             2
         } else {
@@ -123,14 +123,15 @@ impl Identified {
         let mut rates: Vec<f64> = records.iter().map(|record| record.fix_rate_hz).collect();
         rates.sort_by(f64::total_cmp);
         let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
-        // Where no noise is seen, or bounded below what the class has, nothing else of it means a thing.
-        let told = |found: &Interval, of_class: f64| found.is_spread() || found.high < of_class;
+        // Unless noise is observed, or bounded below that of the class, the rest of the fit is void.
+        let observed =
+            |found: &Interval, of_class: f64| found.is_bounded() || found.high < of_class;
         let mut gyro = fit::fit(records, known_noise, Class::of(&class), law).filter(|gyro| {
-            told(&gyro.noise, class.gyro_deg_h.white_noise * DEG_H_RADPS)
-                || told(&gyro.gnss_sigma_mps, class.gnss.velocity_sigma_mps)
+            observed(&gyro.noise, class.gyro_deg_h.white_noise * DEG_H_RADPS)
+                || observed(&gyro.gnss_sigma_mps, class.gnss.velocity_sigma_mps)
         });
         if let (Some(gyro), Some(rest)) = (&mut gyro, &gyro_at_rest) {
-            gyro.noise = no_quieter(gyro.noise, &rest.density.scaled(DEG_H_RADPS));
+            gyro.noise = not_below_rest(gyro.noise, &rest.density.scaled(DEG_H_RADPS));
         }
         Self {
             drives: records.len(),
@@ -138,12 +139,12 @@ impl Identified {
             gyro,
             gyro_at_rest,
             accel_at_rest,
-            accel_sigma: interval::spread_of(&accels),
-            gyro_scale: interval::spread_of(&all(|record| &record.gyro_scale)),
-            accel_scale: interval::spread_of(&all(|record| &record.accel_scale)),
+            accel_sigma: interval::sigma_if_any(&accels),
+            gyro_scale: interval::sigma_if_any(&all(|record| &record.gyro_scale)),
+            accel_scale: interval::sigma_if_any(&all(|record| &record.accel_scale)),
             latency_s: latency_bounds(&latencies),
-            moved: records.iter().any(|record| record.clock_offset_s != 0.0),
-            // One that there is, and no mean of several.
+            clocks_shifted: records.iter().any(|record| record.clock_offset_s != 0.0),
+            // A rate that occurs, not a mean of several.
             fix_rate_hz: rates[rates.len() / 2],
         }
     }
@@ -172,11 +173,11 @@ impl Identified {
         let gnss = |of: fn(&GyroFit) -> Interval| self.gyro.as_ref().map(of);
         all.extend([
             above_noise(GNSS_NOISE, gnss(|gyro| gyro.gnss_sigma_mps)),
-            above_noise(GNSS_MEMORY, gnss(|gyro| gyro.gnss_memory_mps)),
+            above_noise(GNSS_COLOURED, gnss(|gyro| gyro.gnss_coloured_mps)),
         ]);
-        if let Some(gyro) = self.gyro.as_ref().filter(|gyro| gyro.remembers()) {
-            let time_s = Some(gyro.gnss_memory_s);
-            all.push(spread(GNSS_MEMORY_TIME, time_s, NO_TIME_SCALE));
+        if let Some(gyro) = self.gyro.as_ref().filter(|gyro| gyro.has_coloured_gnss()) {
+            let time_s = Some(gyro.gnss_correlation_s);
+            all.push(spread(GNSS_CORRELATION_TIME, time_s, NO_TIME_SCALE));
         }
         for (which, name) in LATENCY.into_iter().enumerate() {
             let bound = self.latency_s.map(|bounds| bounds[which]);
@@ -206,7 +207,7 @@ impl Identified {
         all.extend(match gyro.law {
             Law::Wave => [
                 timed(JUMP_INTERVAL),
-                parameter(JUMP_MEAN, drift, gyro.moves(), NO_TIME_SCALE),
+                parameter(JUMP_MEAN, drift, gyro.is_random(), NO_TIME_SCALE),
                 above_noise(JUMP_SIGMA, size),
             ],
             Law::Continuous => [
@@ -218,9 +219,9 @@ impl Identified {
         all
     }
 
-    /// One of the models that the drives leave open: every value drawn from its interval, each on
-    /// its own. What has no upper bound stays as it is, and so do noises and times that are not seen:
-    /// see [`Self::assumed`].
+    /// A random model within the confidence intervals, every value drawn independently. Values without
+    /// an upper bound keep theirs, and so do noises and times that are not observed: see
+    /// [`Self::assumed`].
     #[must_use]
     pub fn drawn(&self, random: &mut Random) -> Self {
         let mut draw = |interval: &Interval| interval.drawn(random);
@@ -230,18 +231,18 @@ impl Identified {
                 &mut gyro.initial_sigma,
                 &mut gyro.drift,
                 &mut gyro.size,
-                &mut gyro.gnss_memory_mps,
+                &mut gyro.gnss_coloured_mps,
             ];
             let never_none = [
                 &mut gyro.noise,
                 &mut gyro.gnss_sigma_mps,
                 &mut gyro.time_s,
-                &mut gyro.gnss_memory_s,
+                &mut gyro.gnss_correlation_s,
             ];
             let bounded = may_be_none
                 .into_iter()
                 .filter(|found| found.high.is_finite());
-            let seen = never_none.into_iter().filter(|found| found.is_spread());
+            let seen = never_none.into_iter().filter(|found| found.is_bounded());
             for interval in bounded.chain(seen) {
                 *interval = draw(interval);
             }
@@ -266,13 +267,13 @@ impl Identified {
         }
     }
 
-    /// What the drives do not show, and what stands in the model instead.
+    /// What is not observable in the drives, and the values assumed instead.
     pub fn assumed(&self) -> Vec<Assumed> {
         let model = self.model();
         let mut all: Vec<Assumed> = (self.parameters().into_iter())
             .filter_map(|parameter| Assumed::of(&parameter, &model))
             .collect();
-        let moved = self.moved.then_some((LATENCY[1], CLOCKS));
+        let moved = self.clocks_shifted.then_some((LATENCY[1], CLOCKS));
         for ((name, unit), why) in moved.into_iter().chain(NEVER_SHOWN) {
             let value = in_file(&model, name);
             all.push(Assumed {
@@ -285,7 +286,7 @@ impl Identified {
         all
     }
 
-    /// The model that flights and drives take; what was not found is that of the class.
+    /// The model for simulated flights and drives; what was not identified is that of the class.
     pub fn model(&self) -> ErrorModel {
         let mut model = self.grade.errors();
         if let Some(noise) = self.gyro_noise_at_rest() {
@@ -299,13 +300,13 @@ impl Identified {
                 ),
                 (gyro.gnss_sigma_mps, &mut model.gnss.velocity_sigma_mps),
             ] {
-                *in_model = seen_or(*in_model, &found);
+                *in_model = observed_or(*in_model, &found);
             }
             model.gyro_deg_h.bias = gyro_bias(gyro, model.gyro_deg_h.bias.initial_sigma());
-            if gyro.remembers() {
+            if gyro.has_coloured_gnss() {
                 model.gnss.habits.velocity = Correlated {
-                    sigma: gyro.gnss_memory_mps.value,
-                    time_s: gyro.gnss_memory_s.value,
+                    sigma: gyro.gnss_coloured_mps.value,
+                    time_s: gyro.gnss_correlation_s.value,
                 };
             }
         }
@@ -325,7 +326,7 @@ impl Identified {
             (self.accel_scale, &mut model.accel_mps2.scale_sigma),
         ] {
             if let Some(sigma) = found {
-                *in_model = seen_or(*in_model, &sigma);
+                *in_model = observed_or(*in_model, &sigma);
             }
         }
         if let Some(bounds) = self.latency_s {
@@ -354,8 +355,8 @@ const ACCEL_NOISE: Name = ("accel_mps2.white_noise", "m/s^2/sqrt(Hz)");
 const ACCEL_SIGMA: Name = ("accel_mps2.bias.initial_sigma", "m/s^2");
 const ACCEL_SCALE: Name = ("accel_mps2.scale_sigma", "1");
 const GNSS_NOISE: Name = ("gnss.velocity_sigma_mps", "m/s");
-const GNSS_MEMORY: Name = ("gnss.habits.velocity.sigma", "m/s");
-const GNSS_MEMORY_TIME: Name = ("gnss.habits.velocity.time_s", "s");
+const GNSS_COLOURED: Name = ("gnss.habits.velocity.sigma", "m/s");
+const GNSS_CORRELATION_TIME: Name = ("gnss.habits.velocity.time_s", "s");
 const LATENCY: [Name; 2] = [("gnss.latency_s[0]", "s"), ("gnss.latency_s[1]", "s")];
 
 const NO_REST: &str = "needs some seconds at rest";
@@ -366,7 +367,7 @@ const NO_MANOEUVRE: &str =
     "needs turns for gyros, banks and hard braking for accelerometers, or is below what they show";
 const NO_LATENCY: &str = "needs starts and brakings";
 const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
-/// What no drive shows, and why.
+/// What is observable in no drive, and why.
 const NEVER_SHOWN: [(Name, &str); 7] = [
     (("gyro_deg_h.misalignment_sigma", "1"), NOT_FITTED),
     (("accel_mps2.misalignment_sigma", "1"), NOT_FITTED),
@@ -411,13 +412,13 @@ fn known(name: Name, found: Option<Interval>, missing: &'static str) -> Paramete
     parameter(name, found, found.is_some(), missing)
 }
 
-/// A spread is observable if it is known to be above zero.
+/// A sigma is observable if it is bounded away from zero.
 fn spread(name: Name, found: Option<Interval>, missing: &'static str) -> Parameter {
-    let observable = found.is_some_and(|found| found.is_spread());
+    let observable = found.is_some_and(|found| found.is_bounded());
     parameter(name, found, observable, missing)
 }
 
-/// What is not seen is below the upper bound, if there is one.
+/// A sigma that is not observed is below its upper bound, if there is one.
 fn above_noise(name: Name, found: Option<Interval>) -> Parameter {
     let missing = match found {
         Some(found) if found.high.is_finite() => NOT_ABOVE_NOISE,
@@ -427,9 +428,9 @@ fn above_noise(name: Name, found: Option<Interval>) -> Parameter {
     spread(name, found, missing)
 }
 
-/// What the drives show, else what is assumed, as far as their bounds allow it.
-fn seen_or(assumed: f64, found: &Interval) -> f64 {
-    if found.is_spread() {
+/// The value identified, else that assumed, within the bounds.
+fn observed_or(assumed: f64, found: &Interval) -> f64 {
+    if found.is_bounded() {
         found.value
     } else {
         assumed.max(found.low).min(found.high)
@@ -451,7 +452,7 @@ fn parameter(
     }
 }
 
-/// With the spread of the class where nothing bounds that of the unit.
+/// With the initial sigma of the class where that of the unit has no upper bound.
 fn gyro_bias(gyro: &GyroFit, of_class: f64) -> BiasModel {
     let deg_h = 1.0 / DEG_H_RADPS;
     let initial_sigma = if gyro.initial_sigma.high.is_finite() {
@@ -460,7 +461,7 @@ fn gyro_bias(gyro: &GyroFit, of_class: f64) -> BiasModel {
         of_class
     };
     match gyro.law {
-        Law::Wave if gyro.moves() => BiasModel::Wave {
+        Law::Wave if gyro.is_random() => BiasModel::Wave {
             initial_sigma,
             interval_s: gyro.time_s.value,
             jump_mean: deg_h * gyro.drift.value,
@@ -469,16 +470,16 @@ fn gyro_bias(gyro: &GyroFit, of_class: f64) -> BiasModel {
         Law::Wave => BiasModel::constant(initial_sigma),
         Law::Continuous => BiasModel::Continuous {
             initial_sigma,
-            slope_sigma_per_s: deg_h * gyro.drift.spread_or_none(),
-            correlated_sigma: deg_h * gyro.size.spread_or_none(),
+            slope_sigma_per_s: deg_h * gyro.drift.bounded_or_zero(),
+            correlated_sigma: deg_h * gyro.size.bounded_or_zero(),
             correlation_time_s: gyro.time_s.value,
         },
     }
 }
 
-/// Motion adds to the noise of a gyro: less than at rest, or none, means that the biases hide it. How
-/// much it adds only motion tells.
-fn no_quieter(in_motion: Interval, at_rest: &Interval) -> Interval {
+/// Motion adds to the noise of a gyro: less than at rest, or none, means that it was attributed to the
+/// biases. Only the upper bound is then that of motion.
+fn not_below_rest(in_motion: Interval, at_rest: &Interval) -> Interval {
     if in_motion.low > 0.0 && in_motion.value >= at_rest.low {
         return in_motion;
     }
@@ -493,7 +494,7 @@ fn latency_bounds(latencies: &[Measured]) -> Option<[Interval; 2]> {
     if latencies.is_empty() {
         return None;
     }
-    if interval::are_one(latencies) {
+    if interval::are_consistent(latencies) {
         return Some([interval::common_value(latencies); 2]);
     }
     let values: Vec<f64> = latencies.iter().map(|latency| latency.value).collect();
@@ -511,7 +512,7 @@ mod tests {
     }
 
     /// Whether a value lies in the interval, widened from two standard deviations to three: one of
-    /// twenty honest intervals misses.
+    /// twenty correct intervals misses.
     fn is_near(found: &Identified, name: &str, value: f64) -> bool {
         let all = found.parameters();
         let parameter = all.iter().find(|parameter| parameter.name == name);
@@ -549,13 +550,13 @@ mod tests {
 
     #[test]
     fn what_may_move_as_slowly_as_a_drive_lasts_is_not_lost_from_the_constants() {
-        // Here a memory of hours is as likely as constants; beside it none was left for these.
+        // Here a correlation time of hours is as likely as constants, and took their place.
         let records =
             [114, 115].map(|seed| drive_record(seed, &ErrorModel::hg1700(), Grade::Hg1700, 25.0));
         let found = Identified::new(&records, Grade::Hg1700, Some(Law::Continuous));
         let gyro = found.gyro.as_ref().unwrap();
         let slowly = gyro.size.value / DEG_H_RADPS;
-        assert!(slowly > 0.5 && !gyro.moves(), "{:?}", found.table());
+        assert!(slowly > 0.5 && !gyro.is_random(), "{:?}", found.table());
         // Of six draws, whose spread is good to 29 %.
         let in_model = found.model().gyro_deg_h.bias.initial_sigma();
         assert!((in_model - 1.0).abs() < 3.0 * 0.29, "{in_model}");
@@ -614,8 +615,8 @@ mod tests {
         ] {
             assert!(is_near(&found, name, value), "{name}: {:?}", found.table());
         }
-        let memory = found.gyro.as_ref().unwrap().gnss_memory_mps;
-        assert!(memory.is_spread(), "{memory:?}");
+        let memory = found.gyro.as_ref().unwrap().gnss_coloured_mps;
+        assert!(memory.is_bounded(), "{memory:?}");
         let in_model = found.model().gnss.habits.velocity.sigma;
         assert!((in_model - memory.value).abs() < 1e-12);
     }
@@ -649,13 +650,13 @@ mod tests {
                         continue;
                     };
                     let Interval { low, high, .. } = interval;
-                    assert_eq!(of(name).observable, interval.is_spread(), "{table:?}");
+                    assert_eq!(of(name).observable, interval.is_bounded(), "{table:?}");
                     if of(name).observable {
                         assert!((1.05..300.0).contains(&(high / low)), "{table:?}");
                     }
                     // Where bounds miss, they miss by little.
                     assert!((0.5 * low..2.0 * high).contains(&value), "{table:?}");
-                    // What stands in the model is allowed by both.
+                    // The value in the model is allowed by both.
                     let drawn = found.drawn(&mut Random::stream(seed, "drawn")).model();
                     for model in [found.model(), drawn] {
                         let in_model = in_file(&model, name);

@@ -1,16 +1,16 @@
 //! Values with 95 % confidence intervals.
 
-use super::maximum::crossing;
+use super::maximum::bisection;
 use crate::identify::free_inertial::known;
 use crate::sim::noise::Random;
 use ins_core::Estimate;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
-/// Chance of each tail.
+/// Probability of each tail.
 const TAIL: f64 = 0.025;
-/// Most of a measurement that may have been believed before.
-const SHOWN: f64 = 0.6;
+/// Most of the information in an estimate that may be its prior's.
+const MOST_PRIOR: f64 = 0.6;
 /// Normal deviate of 95 %.
 pub const NORMAL_95: f64 = 1.959_964;
 
@@ -19,19 +19,19 @@ pub const NORMAL_95: f64 = 1.959_964;
 pub struct Interval {
     pub value: f64,
     pub low: f64,
-    /// Upper bound; infinite if the data set none.
+    /// Upper bound; infinite if the data give none.
     pub high: f64,
 }
 
 impl Interval {
-    /// A spread of which nothing is known.
+    /// A sigma without any data.
     pub const UNKNOWN: Self = Self {
         value: 0.0,
         low: 0.0,
         high: f64::INFINITY,
     };
 
-    /// As far to both sides.
+    /// Symmetric.
     fn around(value: f64, half: f64) -> Self {
         [value, value - half, value + half].into()
     }
@@ -40,7 +40,7 @@ impl Interval {
         [self.value, self.low, self.high]
     }
 
-    /// Of a function that rises.
+    /// Of an increasing function.
     #[must_use]
     pub fn map(&self, f: impl Fn(f64) -> f64) -> Self {
         self.each().map(f).into()
@@ -51,9 +51,9 @@ impl Interval {
         self.map(|value| by * value)
     }
 
-    /// With what else may be true.
+    /// Extended to the bounds of another one.
     #[must_use]
-    pub fn reaching(&self, other: &Self) -> Self {
+    pub fn hull(&self, other: &Self) -> Self {
         Self {
             value: self.value,
             low: self.low.min(other.low),
@@ -61,8 +61,8 @@ impl Interval {
         }
     }
 
-    /// One of the values that it stands for: normal in the logarithm where it is above zero, and
-    /// within two halves of their own widths. A side without a bound is not left open.
+    /// A random value of it: normal in the logarithm where it is above zero, the two sides with their
+    /// own widths. A side without a bound keeps the value.
     #[must_use]
     pub fn drawn(&self, random: &mut Random) -> Self {
         let deviate = random.normal() / NORMAL_95;
@@ -73,7 +73,7 @@ impl Interval {
         } else {
             self.value + deviate.abs() * (bound - self.value)
         };
-        // A spread stays one.
+        // A sigma stays non-negative.
         let signed = self.low < 0.0;
         Self::around(if signed { value } else { value.max(0.0) }, 0.0)
     }
@@ -82,14 +82,14 @@ impl Interval {
         (self.low..=self.high).contains(&value)
     }
 
-    /// Whether a spread is known to be there at all, and not to be without bound.
-    pub fn is_spread(&self) -> bool {
+    /// Whether a sigma is bounded away from zero and from infinity.
+    pub fn is_bounded(&self) -> bool {
         self.low > 0.0 && self.high.is_finite()
     }
 
-    /// The value of a spread that is; of what is not known to be there, none.
-    pub fn spread_or_none(&self) -> f64 {
-        if self.is_spread() { self.value } else { 0.0 }
+    /// The value of a sigma if it is bounded, else zero.
+    pub fn bounded_or_zero(&self) -> f64 {
+        if self.is_bounded() { self.value } else { 0.0 }
     }
 }
 
@@ -100,22 +100,22 @@ impl From<[f64; 3]> for Interval {
 }
 
 /// Quantiles of chi-square at both ends of 95 %.
-fn chi_square(freedom: f64) -> [f64; 2] {
-    match ChiSquared::new(freedom) {
+fn chi_square(dof: f64) -> [f64; 2] {
+    match ChiSquared::new(dof) {
         Ok(chi) => [TAIL, 1.0 - TAIL].map(|p| chi.inverse_cdf(p)),
         Err(_) => [0.0, f64::INFINITY],
     }
 }
 
 /// Two-sided 95 % deviate of Student's t.
-pub fn student(freedom: f64) -> f64 {
-    StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - TAIL))
+pub fn student(dof: f64) -> f64 {
+    StudentsT::new(0.0, 1.0, dof).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - TAIL))
 }
 
-/// Standard deviation from a sum of squares of `freedom` independent normals.
-pub fn sigma_of_squares(sum: f64, freedom: f64) -> Interval {
-    let [few, many] = chi_square(freedom);
-    [freedom, many, few].map(|by| (sum / by).sqrt()).into()
+/// Standard deviation from a sum of squares of `dof` independent normals.
+pub fn sigma_of_squares(sum: f64, dof: f64) -> Interval {
+    let [few, many] = chi_square(dof);
+    [dof, many, few].map(|by| (sum / by).sqrt()).into()
 }
 
 /// A value and the variance of its error.
@@ -126,7 +126,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// An estimate, if it stands on data.
+    /// An estimate, if observable.
     pub(super) fn of(estimate: &Estimate) -> Option<Self> {
         known(estimate).then_some(Self {
             value: estimate.value,
@@ -134,26 +134,26 @@ impl Measured {
         })
     }
 
-    /// What it is less what was believed before, zero with a sigma; none if that is most of it.
-    pub fn beyond(&self, believed: f64) -> Option<Self> {
-        let (before, after) = (1.0 / (believed * believed), 1.0 / self.variance);
-        (after * SHOWN > before).then(|| Self {
+    /// With its prior, zero mean of sigma `prior`, taken out; none if most of it is the prior.
+    pub fn without_prior(&self, prior: f64) -> Option<Self> {
+        let (before, after) = (1.0 / (prior * prior), 1.0 / self.variance);
+        (after * MOST_PRIOR > before).then(|| Self {
             value: self.value * after / (after - before),
             variance: 1.0 / (after - before),
         })
     }
 }
 
-/// Standard deviation about zero of what was measured; none without anything.
-pub fn spread_of(measured: &[Measured]) -> Option<Interval> {
-    (!measured.is_empty()).then(|| sigma_behind(measured))
+/// As [`true_sigma`]; none of an empty slice.
+pub fn sigma_if_any(measured: &[Measured]) -> Option<Interval> {
+    (!measured.is_empty()).then(|| true_sigma(measured))
 }
 
-/// Standard deviation about zero of what was measured, the errors of measurement taken out.
+/// Standard deviation about zero of the quantities measured, the errors of measurement taken out.
 ///
-/// Exact: `sum x^2 / (sigma^2 + s^2)` is chi-square at the true sigma, and falls with it. What lies closer
-/// together than its errors shows no less than errors alone would: the upper bound is no lower.
-pub fn sigma_behind(measured: &[Measured]) -> Interval {
+/// Exact: `sum x^2 / (sigma^2 + s^2)` is chi-square at the true sigma, and falls with it. If the values
+/// scatter less than their errors, the upper bound is that of values as large as their errors.
+pub fn true_sigma(measured: &[Measured]) -> Interval {
     let count = measured.len() as f64;
     let [few, many] = chi_square(count);
     let [value, low, high] = [count, many, few].map(|sum| sigma_at(measured, sum));
@@ -177,19 +177,19 @@ fn sigma_at(measured: &[Measured], wanted: f64) -> f64 {
     }
     let squares: f64 = measured.iter().map(|m| m.value * m.value).sum();
     let most = (squares / wanted).sqrt();
-    crossing(|sigma| sum(sigma) - wanted, 0.0, most, 60)
+    bisection(|sigma| sum(sigma) - wanted, 0.0, most, 60)
 }
 
-/// What was measured, weighed by the errors stated with it.
-struct Weighed {
+/// Mean of measured values, weighted by the inverse of their stated variances.
+struct WeightedMean {
     mean: f64,
     weight: f64,
-    /// Squares of what lies about the mean.
+    /// Weighted sum of squared deviations from the mean.
     scatter: f64,
-    freedom: f64,
+    dof: f64,
 }
 
-impl Weighed {
+impl WeightedMean {
     fn new(measured: &[Measured]) -> Self {
         let sum = |of: &dyn Fn(&Measured) -> f64| {
             let weighed = |m: &Measured| of(m) / m.variance;
@@ -201,49 +201,49 @@ impl Weighed {
             mean,
             weight,
             scatter: sum(&|m| (m.value - mean) * (m.value - mean)),
-            freedom: measured.len() as f64 - 1.0,
+            dof: measured.len() as f64 - 1.0,
         }
     }
 }
 
-/// Weighted mean by the scatter of what was measured: Student's t.
+/// Weighted mean, its interval from the scatter of the values: Student's t.
 pub fn mean(measured: &[Measured]) -> Option<Interval> {
-    let all = Weighed::new(measured);
-    (all.freedom >= 1.0).then(|| {
-        let spread = (all.scatter / all.freedom / all.weight).sqrt();
-        Interval::around(all.mean, student(all.freedom) * spread)
+    let all = WeightedMean::new(measured);
+    (all.dof >= 1.0).then(|| {
+        let spread = (all.scatter / all.dof / all.weight).sqrt();
+        Interval::around(all.mean, student(all.dof) * spread)
     })
 }
 
-/// The same of values that are worth alike.
+/// The same of values of equal weight.
 pub(crate) fn plain_mean(values: impl Iterator<Item = f64>) -> Option<Interval> {
     let variance = 1.0;
     let measured: Vec<Measured> = values.map(|value| Measured { value, variance }).collect();
     mean(&measured)
 }
 
-/// Weighted mean of equal quantities by the errors stated with them.
+/// Weighted mean of one quantity, its interval from the stated errors.
 pub fn common_value(measured: &[Measured]) -> Interval {
-    let all = Weighed::new(measured);
+    let all = WeightedMean::new(measured);
     Interval::around(all.mean, NORMAL_95 / all.weight.sqrt())
 }
 
-/// Whether all may be one and the same quantity, with errors as stated.
-pub fn are_one(measured: &[Measured]) -> bool {
-    let all = Weighed::new(measured);
-    all.freedom < 1.0 || all.scatter < chi_square(all.freedom)[1]
+/// Chi-square test whether all may be one and the same quantity, with errors as stated.
+pub fn are_consistent(measured: &[Measured]) -> bool {
+    let all = WeightedMean::new(measured);
+    all.dof < 1.0 || all.scatter < chi_square(all.dof)[1]
 }
 
 /// Bounds of a uniform distribution from at least two draws, unbiased.
 ///
-/// How far a bound lies beyond the outermost of n draws, over their range, exceeds t with the
-/// chance `(1 + t)^(1 - n)`: exact.
+/// The distance of a bound from the outermost of n draws, over their range, exceeds t with the
+/// probability `(1 + t)^(1 - n)`: exact.
 pub fn uniform_bounds(values: &[f64]) -> [Interval; 2] {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let (range, freedom) = (most - least, values.len() as f64 - 1.0);
-    let beyond = |chance: f64| range * (chance.powf(-1.0 / freedom) - 1.0);
-    let (near, best, far) = (beyond(1.0 - TAIL), range / freedom, beyond(TAIL));
+    let (range, dof) = (most - least, values.len() as f64 - 1.0);
+    let beyond = |chance: f64| range * (chance.powf(-1.0 / dof) - 1.0);
+    let (near, best, far) = (beyond(1.0 - TAIL), range / dof, beyond(TAIL));
     [
         [least - best, least - far, least - near].into(),
         [most + best, most + near, most + far].into(),
@@ -278,7 +278,7 @@ mod tests {
                     Measured { value, variance }
                 })
                 .collect();
-            sigma_behind(&measured).holds(2.0)
+            true_sigma(&measured).holds(2.0)
         });
         assert_covers("mean", |random| {
             let measured: Vec<Measured> = (1..=5)
@@ -304,9 +304,9 @@ mod tests {
             value,
             variance: 1.0,
         });
-        let sigma = sigma_behind(&measured);
+        let sigma = true_sigma(&measured);
         assert!(sigma.value == 0.0 && sigma.low == 0.0 && sigma.high > 0.0);
-        assert!(are_one(&measured) && !sigma.is_spread());
+        assert!(are_consistent(&measured) && !sigma.is_bounded());
     }
 
     #[test]
@@ -318,7 +318,7 @@ mod tests {
         }
         let mut random = Random::stream(3, "drawn");
         for _ in 0..1000 {
-            // A spread stays one, and what has no bound stays where it is.
+            // A sigma stays non-negative, and a side without a bound keeps the value.
             assert!(Interval::from([0.1, 0.0, 1.0]).drawn(&mut random).value >= 0.0);
             let open = Interval::from([1.0, 0.5, f64::INFINITY]).drawn(&mut random);
             assert!((0.1..=1.0).contains(&open.value));

@@ -1,20 +1,20 @@
-//! Maxima of functions that are only known by their values.
+//! Maximization without derivatives.
 
 use nalgebra::{SMatrix, SVector};
 
-/// Moves of the simplex after which it is small enough, or never will be.
-const MOST_MOVES: u32 = 400;
-/// Steps of a climb after which it is at the top, or never will be.
-const MOST_STEPS: u32 = 20;
-/// Step of its gradients.
+/// Iterations of the simplex after which it has converged, or never will.
+const MAX_ITERATIONS: u32 = 400;
+/// Newton steps after which the maximum is reached, or never will be.
+const MAX_STEPS: u32 = 20;
+/// Step of the numerical gradient.
 const GRADIENT_STEP: f64 = 0.01;
-/// Least and first damping of its steps, none of which is longer than one in any coordinate.
+/// Least and first damping of the Newton steps, none of which is longer than one in any coordinate.
 const LEAST_DAMPING: f64 = 1e-3;
 const DAMPING: f64 = 0.1;
 
 /// The point with the greatest value, from a start and a first step per coordinate
 /// (Nelder and Mead, 1965).
-pub fn maximum<const N: usize>(
+pub fn nelder_mead<const N: usize>(
     f: impl Fn(&[f64; N]) -> f64,
     start: [f64; N],
     step: [f64; N],
@@ -29,7 +29,7 @@ pub fn maximum<const N: usize>(
             (point, f(&point))
         })
         .collect();
-    for _ in 0..MOST_MOVES {
+    for _ in 0..MAX_ITERATIONS {
         simplex.sort_by(|a, b| b.1.total_cmp(&a.1));
         let (best, worst) = (simplex[0].1, simplex[N].1);
         if best - worst < tolerance {
@@ -70,9 +70,9 @@ pub fn maximum<const N: usize>(
     simplex[0]
 }
 
-/// The top near a point where the curvature is about known, held in some coordinates: Newton's steps,
-/// damped where they do not climb (Levenberg, 1944), with the curvature that their gradients show.
-pub fn climbed<const N: usize>(
+/// The maximum near a point where the curvature is about known, over the free coordinates: Newton's
+/// steps, damped where the value falls (Levenberg, 1944), the curvature updated from the gradients.
+pub fn newton<const N: usize>(
     f: impl Fn(&[f64; N]) -> f64,
     start: [f64; N],
     curvature: &SMatrix<f64, N, N>,
@@ -101,7 +101,7 @@ pub fn climbed<const N: usize>(
     let mut value = f(&at);
     let mut slope = gradient(&at, value, &curvature);
     let mut damping = DAMPING;
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let Some(factor) = (SMatrix::identity() * damping - curvature).cholesky() else {
             damping *= 10.0;
             continue;
@@ -112,19 +112,19 @@ pub fn climbed<const N: usize>(
             break;
         }
         let next = at + step;
-        let climbed = f(&next);
-        if climbed <= value {
+        let newton = f(&next);
+        if newton <= value {
             damping *= 10.0;
             continue;
         }
-        let there = gradient(&next, climbed, &curvature);
-        // The correction of rank one that explains the change.
+        let there = gradient(&next, newton, &curvature);
+        // Symmetric rank-one update of the curvature.
         let off = there - slope - curvature * step;
         let along = off.dot(&step);
         if along.abs() > 1e-3 * off.norm() * step.norm() {
             curvature += off * off.transpose() / along;
         }
-        (at, value, slope) = (next, climbed, there);
+        (at, value, slope) = (next, newton, there);
         damping = (0.1 * damping).max(LEAST_DAMPING);
     }
     (at.into(), value)
@@ -136,9 +136,9 @@ pub fn curvature<const N: usize>(
     at: [f64; N],
     step: f64,
 ) -> SMatrix<f64, N, N> {
-    let shifted = |moves: &[(usize, f64)]| {
+    let shifted = |is_random: &[(usize, f64)]| {
         let mut point = at;
-        for (coordinate, by) in moves {
+        for (coordinate, by) in is_random {
             point[*coordinate] += by * step;
         }
         f(&point)
@@ -158,7 +158,7 @@ pub fn curvature<const N: usize>(
 }
 
 /// Where a falling function crosses zero between two points.
-pub fn crossing(f: impl Fn(f64) -> f64, mut above: f64, mut below: f64, steps: u32) -> f64 {
+pub fn bisection(f: impl Fn(f64) -> f64, mut above: f64, mut below: f64, steps: u32) -> f64 {
     for _ in 0..steps {
         let middle = 0.5 * (above + below);
         if f(middle) > 0.0 {
@@ -178,13 +178,13 @@ mod tests {
     fn finds_the_top_of_a_curved_ridge() {
         // Rosenbrock's valley upside down: the top is 0 at (1, 1).
         let f = |x: &[f64; 2]| -(1.0 - x[0]).powi(2) - 100.0 * (x[1] - x[0] * x[0]).powi(2);
-        let (at, value) = maximum(f, [-1.2, 1.0], [0.5, 0.5], 1e-12);
+        let (at, value) = nelder_mead(f, [-1.2, 1.0], [0.5, 0.5], 1e-12);
         assert!(value > -1e-9 && (at[0] - 1.0).abs() < 1e-3, "{at:?}");
         // From near by, along the valley and across it.
         let near = curvature(f, [0.9, 0.8], 1e-3);
-        let (at, value) = climbed(f, [0.9, 0.8], &near, [true; 2], 1e-6);
+        let (at, value) = newton(f, [0.9, 0.8], &near, [true; 2], 1e-6);
         assert!(value > -0.01, "{at:?}");
-        let (at, value) = climbed(f, [0.9, 0.8], &near, [false, true], 1e-6);
+        let (at, value) = newton(f, [0.9, 0.8], &near, [false, true], 1e-6);
         assert!(value > -0.0101 && (at[0] - 0.9).abs() < 1e-12, "{at:?}");
         let second = curvature(f, [1.0, 1.0], 1e-3);
         let expected = [[-802.0, 400.0], [400.0, -200.0]];

@@ -16,7 +16,7 @@ use crate::page::{self, digits, output};
 pub const MODEL: &str = "error-model.toml";
 const JSON: &str = "error-model.json";
 
-/// What drives say of their sensors.
+/// Error model and Allan deviations of the sensors.
 #[derive(Clone, Copy, Debug)]
 pub struct Sensors<'a> {
     pub model: &'a Identified,
@@ -42,7 +42,7 @@ pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
     sensors.at_rest.write(folder)
 }
 
-/// The model, under a comment with what each value stands on.
+/// The model, under a comment with the interval of each value.
 pub fn toml(found: &Identified) -> Result<String> {
     let mut text = format!(
         "# Error model identified from {} drive{}, for `fly --errors` and `drive --errors`.\n\

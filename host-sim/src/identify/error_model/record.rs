@@ -1,8 +1,8 @@
-//! A drive reduced to what its error model can be found from.
+//! A drive reduced to the data from which its error model is identified.
 //!
-//! The navigator's solution is the reference. Between two epochs a strapdown runs free from it,
-//! and at an epoch it is set back to the reference: a known control. What is left to be explained
-//! is linear in the errors of the reference and in the gyro biases, thesis equation (1).
+//! The navigator's solution is the reference. Between two epochs a strapdown runs free from it, and
+//! at an epoch it is reset to the reference: a known control. The velocity differences that remain
+//! are linear in the errors of the reference and in the gyro biases, thesis equation (1).
 
 use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
@@ -16,9 +16,9 @@ use crate::identify::free_inertial::known;
 use crate::identify::run::{Identification, Settling};
 use crate::log::{Log, median};
 
-/// Sigmas of what a receiver smooths over from which on it does.
+/// Sigmas by which the receiver's smoothing must differ from zero to be applied.
 const SMOOTHS_SIGMAS: f64 = 3.0;
-/// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
+/// Length of an epoch, s. Tilt shows in velocity over some 10 s, so nothing is lost.
 const EPOCH_S: f64 = 2.0;
 /// Longest epoch that still counts as whole, s.
 const LONGEST_EPOCH_S: f64 = 1.5 * EPOCH_S;
@@ -26,14 +26,14 @@ const LONGEST_EPOCH_S: f64 = 1.5 * EPOCH_S;
 const MOST_EPOCHS: usize = 5400;
 /// A fix faster than this is not rest, m/s.
 const MOVING_MPS: f64 = 0.6;
-/// What moved at the last fix, this long ago and more, s, is taken to move still: on a smooth road nothing
-/// but GNSS tells it from rest.
-const UNSEEN_S: f64 = 2.0;
+/// A vehicle in motion at the last fix, this long ago and more, s, is taken to be so still: on a smooth
+/// road only GNSS tells it from rest.
+const STALE_FIX_S: f64 = 2.0;
 /// Blocks at both ends of a rest that are left out: the vehicle still rocks, and GNSS speed is late.
-const ROCKING: usize = 2;
+const MARGIN_BLOCKS: usize = 2;
 /// Time after the first solution at which a core that never knows its azimuth is as good as it will be, s.
 const SETTLE_S: f64 = 60.0;
-/// Epochs whose velocity difference is further out than this many median deviations are left out.
+/// Velocity differences above this many times their median are left out.
 const OUTLIER: f64 = 8.0;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,19 +41,19 @@ pub struct Epoch {
     /// Start, since the first sample of the log, s.
     pub start_s: f64,
     pub seconds: f64,
-    pub felt: Felt,
+    pub integrals: Integrals,
     /// Rotation of ENU against inertial space, rad/s.
     pub frame_rate_radps: Vector3<f64>,
-    /// By how much the velocity was set back at the end, m/s.
+    /// Reset of the velocity at the end, m/s.
     pub velocity_control_mps: Vector2<f64>,
-    /// By how much the platform was turned at the end, rad; over the whole epoch if at rest.
+    /// Reset of the platform at the end, rad; its rotation over the whole epoch if at rest.
     pub tilt_control_rad: Vector3<f64>,
     /// Gyro reading less the reference bias and the rotation of the Earth, rad/s, if at rest.
     pub rest_rate_radps: Option<Vector3<f64>>,
-    /// What GNSS says; none without a credible fix.
+    /// Against GNSS; none without a credible fix.
     pub difference: Option<Difference>,
     /// Inertial samples are missing in it.
-    pub broken: bool,
+    pub has_gap: bool,
 }
 
 impl Epoch {
@@ -61,12 +61,11 @@ impl Epoch {
         self.start_s + 0.5 * self.seconds
     }
 
-    /// The epoch as two, the first of which is this part of it; the fixes are of the first, the
-    /// controls of the second.
+    /// Splits the epoch at `part` of it; the fixes go to the first, the controls to the second.
     pub fn split(&self, part: f64) -> (Self, Self) {
         let of = |part: f64| Self {
             seconds: part * self.seconds,
-            felt: self.felt.scaled(part),
+            integrals: self.integrals.scaled(part),
             ..self.clone()
         };
         let before = Self {
@@ -83,23 +82,23 @@ impl Epoch {
     }
 }
 
-/// What sensors have felt since the start of an epoch; columns are axes of the body.
+/// Integrals of the readings since the start of an epoch; columns are axes of the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Felt {
+pub struct Integrals {
     /// Integral of specific force, ENU, m/s.
     pub force_mps: Vector3<f64>,
     /// Integral of `C_B^L`, s.
     pub attitude_s: Matrix3<f64>,
-    /// ENU velocity from what each axis feels beyond the level attitude, m/s.
+    /// ENU velocity from the specific force of each axis beyond that of the level attitude, m/s.
     pub scaled_force_mps: Matrix3<f64>,
     /// ENU rotation about each axis, rad.
     pub scaled_turn_rad: Matrix3<f64>,
-    /// ENU velocity that the platform would gain if it were turned by that, m/s.
+    /// ENU velocity from a tilt of the platform by that, m/s.
     pub scaled_turn_mps: Matrix3<f64>,
 }
 
-impl Felt {
-    /// With so much of another one on top.
+impl Integrals {
+    /// With `part` of another one added.
     #[must_use]
     fn plus(&self, part: f64, more: &Self) -> Self {
         Self {
@@ -121,11 +120,11 @@ impl Felt {
 pub struct Difference {
     /// Velocity of the strapdown less that of GNSS, east and north, m/s.
     pub velocity_mps: Vector2<f64>,
-    /// What was felt until then.
-    pub felt: Felt,
-    /// Acceleration, east and north: what an error of latency makes of them, m/s^2.
+    /// Integrals until then.
+    pub integrals: Integrals,
+    /// Acceleration, east and north: partials by the latency, m/s^2.
     pub acceleration_mps2: Vector2<f64>,
-    /// `dC/dt`, what a lever arm makes of them, 1/s.
+    /// `dC/dt`, partials by the lever arm, 1/s.
     pub attitude_rate_per_s: Matrix3<f64>,
     pub fixes: u32,
 }
@@ -134,18 +133,18 @@ pub struct Difference {
 pub struct Record {
     /// In order of time, from when the azimuth is known, or else from when the core has settled.
     pub epochs: Vec<Epoch>,
-    /// Spread of the azimuth then, rad.
+    /// Sigma of the azimuth then, rad.
     pub azimuth_sigma_rad: f64,
     /// Stretches of rest, block by block, whole log.
     pub rest: Vec<Vec<RestBlock>>,
-    /// Gyro biases that the epochs are free of, body right-forward-up, rad/s.
+    /// Gyro biases already taken out of the epochs, body right-forward-up, rad/s.
     pub gyro_reference_radps: Vector3<f64>,
     pub accel_bias_mps2: [Estimate; 3],
-    /// Scale errors of gyros and accelerometers, as far as manoeuvres showed them.
+    /// Scale errors of gyros and accelerometers, as far as observable.
     pub gyro_scale: Vec<Measured>,
     pub accel_scale: Vec<Measured>,
     pub latency_s: Estimate,
-    /// What the stamps of the fixes were moved by before, taken for clocks that differ.
+    /// Shift applied to the stamps of the fixes before, taken for a difference of clocks.
     pub clock_offset_s: f64,
     pub duration_s: f64,
     pub fix_rate_hz: f64,
@@ -168,8 +167,8 @@ impl Record {
             rest: rest.into_iter().map(|span| span.blocks).collect(),
             gyro_reference_radps: values(&estimates.gyro_bias_radps),
             accel_bias_mps2: estimates.accel_bias_mps2,
-            gyro_scale: shown(turns.iter().chain(tilts), sensors.gyro_scale),
-            accel_scale: shown(&estimates.accel_scale, sensors.accel_scale),
+            gyro_scale: without_prior(turns.iter().chain(tilts), sensors.gyro_scale),
+            accel_scale: without_prior(&estimates.accel_scale, sensors.accel_scale),
             latency_s: Estimate {
                 value: estimates.gnss_latency_s.value + log.meta.latency_offset_s(),
                 ..estimates.gnss_latency_s
@@ -185,17 +184,17 @@ fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
     Vector3::from(estimates.map(|estimate| estimate.value))
 }
 
-/// Estimates that stand on data, less what was believed before.
-fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<Measured> {
+/// Observable estimates, their prior taken out.
+fn without_prior<'a>(all: impl IntoIterator<Item = &'a Estimate>, prior: f64) -> Vec<Measured> {
     let measured = all.into_iter().filter_map(Measured::of);
-    measured.filter_map(|m| m.beyond(believed)).collect()
+    measured.filter_map(|m| m.without_prior(prior)).collect()
 }
 
 /// An interval between samples and the stamp of its end.
 struct Timed {
     end: Time,
     interval: Interval,
-    hole: bool,
+    gap: bool,
 }
 
 fn intervals(log: &Log) -> impl Iterator<Item = Timed> {
@@ -203,12 +202,12 @@ fn intervals(log: &Log) -> impl Iterator<Item = Timed> {
     log.imu.pairs().map(move |[last, sample]| {
         let increments = increments.get_or_insert_with(|| Increments::new(log.meta.imu, &last));
         let seconds = sample.time.seconds_since(last.time);
-        let hole = increments.has_gap(seconds);
+        let gap = increments.has_gap(seconds);
         let interval = increments.interval(&sample, seconds);
         Timed {
             end: sample.time,
             interval,
-            hole,
+            gap,
         }
     })
 }
@@ -220,11 +219,11 @@ struct RestSpan {
 }
 
 impl RestSpan {
-    /// Without its ends; none if nothing is left.
+    /// Without its margins; none if nothing is left.
     fn inner(&self) -> Option<Self> {
-        let count = self.blocks.len().checked_sub(2 * ROCKING)?;
+        let count = self.blocks.len().checked_sub(2 * MARGIN_BLOCKS)?;
         let seconds = |blocks: &[RestBlock]| blocks.iter().map(|block| block.seconds).sum::<f64>();
-        let (before, rest) = self.blocks.split_at(ROCKING);
+        let (before, rest) = self.blocks.split_at(MARGIN_BLOCKS);
         let (blocks, after) = rest.split_at(count);
         (count > 1).then(|| Self {
             start: self.start.plus_seconds(seconds(before)),
@@ -247,7 +246,7 @@ fn rest(log: &Log) -> Vec<RestSpan> {
             }
         }
         let moved = last.filter(|fix| fix.speed_mps() > MOVING_MPS);
-        if moved.is_some_and(|fix| end.seconds_since(fix.time) > UNSEEN_S) {
+        if moved.is_some_and(|fix| end.seconds_since(fix.time) > STALE_FIX_S) {
             detector.on_motion();
         }
         // The verdict is on the block before the one that ends here, of about the same length.
@@ -285,8 +284,8 @@ pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
     rest(log).iter().map(stretch).collect()
 }
 
-/// Takes the biases that the navigator has found out of the readings. Scales and misalignments stay
-/// in: its split of them is by the vehicle's turns, that of a model by the axes of the body.
+/// Compensates readings for the biases that the navigator has estimated. Scales and misalignments
+/// stay in: it estimates them by the vehicle's turns, a model has them by the axes of the body.
 struct Correction {
     estimates: Estimates,
     end: Time,
@@ -302,13 +301,13 @@ impl Correction {
         interval.without_bias(&gyro, &accel)
     }
 
-    /// What the accelerometers feel beyond the level attitude, where scale errors are biases.
+    /// Specific force beyond that of the level attitude, whose scale errors are in the biases.
     fn beyond_level_mps(&self, interval: &Interval) -> Vector3<f64> {
         interval.force_mps - self.estimates.level_force_mps2 * interval.seconds
     }
 
-    /// The moment whose motion a fix shows.
-    fn moment(&self, fix: &GnssFix) -> Time {
+    /// Time of validity of a fix.
+    fn valid_at(&self, fix: &GnssFix) -> Time {
         let drifted = self.estimates.clock_drift.value * self.end.seconds_since(fix.time);
         fix.time
             .plus_seconds(drifted - self.estimates.gnss_latency_now_s.value)
@@ -321,17 +320,17 @@ impl Correction {
     }
 }
 
-/// Velocities of the reference, and what a receiver that smooths makes of them: what it leaves out of a
-/// manoeuvre is no noise.
+/// Velocities of the reference, and as smoothed by the receiver: the lag of its filter in a manoeuvre
+/// is no noise.
 struct Smoothed {
     reference: Vec<(Time, Vector2<f64>)>,
-    /// By the moment that each shows.
+    /// By time of validity.
     smoothed: Vec<(Time, Vector2<f64>)>,
 }
 
 impl Smoothed {
-    /// By a filter of first order, whose memory is of the variance that was found; `None` where that may as
-    /// well be none. A long one is known well and still not to a third of what was believed of it.
+    /// By a filter of first order whose time constant has the estimated variance; `None` where that does
+    /// not differ from zero. A long one is known well and still not to a third of its prior sigma.
     fn new(solutions: &[Solution], estimates: &Estimates) -> Option<Self> {
         let variance = &estimates.gnss_smoothing_s2;
         if variance.value <= SMOOTHS_SIGMAS * variance.sigma {
@@ -344,7 +343,7 @@ impl Smoothed {
         let smoothed = reference.windows(2).map(|pair| {
             let [(from, before), (to, now)] = [pair[0], pair[1]];
             let seconds = to.seconds_since(from);
-            // How far it lags behind an even change in the end.
+            // Steady-state lag under a constant acceleration.
             let last = (now - before) * (memory_s / seconds);
             lag = last + (lag - last) * libm::exp(-seconds / memory_s);
             (to.plus_seconds(-memory_s), now - lag)
@@ -356,8 +355,8 @@ impl Smoothed {
         })
     }
 
-    /// By how much the smoothed velocity is another at a moment, m/s; `None` beyond the reference.
-    fn off(&self, moment: Time) -> Option<Vector2<f64>> {
+    /// Smoothed minus reference velocity at a time, m/s; `None` beyond the reference.
+    fn lag_error(&self, moment: Time) -> Option<Vector2<f64>> {
         Some(at(&self.smoothed, moment)? - at(&self.reference, moment)?)
     }
 }
@@ -387,9 +386,11 @@ impl<'a> Reducer<'a> {
         };
         let smoothed = Smoothed::new(&found.solutions, &correction.estimates);
         let fix = |fix: &GnssFix| {
-            let moment = correction.moment(fix);
-            let off_mps = smoothed.as_ref().and_then(|smoothed| smoothed.off(moment));
-            Some((moment, fix.velocity_en_mps? - off_mps.unwrap_or_default()))
+            let moment = correction.valid_at(fix);
+            let lag_mps = smoothed
+                .as_ref()
+                .and_then(|smoothed| smoothed.lag_error(moment));
+            Some((moment, fix.velocity_en_mps? - lag_mps.unwrap_or_default()))
         };
         let fixes = log.gnss.iter().filter_map(fix).collect();
         let mut settling = Settling::default();
@@ -398,7 +399,7 @@ impl<'a> Reducer<'a> {
                 known(&row.estimates.azimuth_error_rad)
             });
         }
-        let begins = settling.headed.or(settling.settled);
+        let begins = settling.azimuth_known.or(settling.settled);
         let row = found.history.iter().find(|row| Some(row.time) == begins);
         let references = begins.map_or(&[][..], |time| {
             let from = (found.solutions).partition_point(|solution| solution.time < time);
@@ -418,19 +419,19 @@ impl<'a> Reducer<'a> {
         let mut references = self.references.iter().peekable();
         let mut fixes = self.fixes.iter().peekable();
         let mut epochs = Vec::new();
-        let mut going: Option<Going> = None;
+        let mut open: Option<OpenEpoch> = None;
         for timed in intervals {
-            if let Some(going) = &mut going {
-                going.step(&timed, &self.correction, &mut fixes);
+            if let Some(open) = &mut open {
+                open.step(&timed, &self.correction, &mut fixes);
             }
             while references.next_if(|next| next.time < timed.end).is_some() {}
             let Some(reference) = references.next_if(|next| next.time == timed.end) else {
                 continue;
             };
-            let due = going.as_ref().is_none_or(Going::is_over);
+            let due = open.as_ref().is_none_or(OpenEpoch::is_over);
             if due {
-                epochs.extend(going.take().map(|going| going.end(reference, self)));
-                going = Some(Going::new(reference));
+                epochs.extend(open.take().map(|open| open.end(reference, self)));
+                open = Some(OpenEpoch::new(reference));
             }
         }
         epochs.drain(..epochs.len().saturating_sub(MOST_EPOCHS));
@@ -444,8 +445,8 @@ impl<'a> Reducer<'a> {
     }
 }
 
-/// An epoch going on.
-struct Going {
+/// An epoch that is being integrated.
+struct OpenEpoch {
     start: Solution,
     ins: Mechanization,
     earth: LocalEarth,
@@ -454,7 +455,7 @@ struct Going {
     sum: Difference,
 }
 
-impl Going {
+impl OpenEpoch {
     fn new(reference: &Solution) -> Self {
         let ins = Mechanization::new(
             reference.position,
@@ -486,7 +487,7 @@ impl Going {
         let before = self.ins.velocity_enu_mps;
         let step = self.ins.step(&interval, &Controls::default());
         let antenna = correction.antenna_mps(&step.attitude, &interval);
-        let felt = self.felt_by(&step, &interval, correction);
+        let integrals = self.integrate(&step, &interval, correction);
         while let Some((moment, velocity)) = fixes.next_if(|fix| fix.0 <= timed.end) {
             let part = 1.0 - timed.end.seconds_since(*moment) / interval.seconds;
             if part < 0.0 {
@@ -494,21 +495,22 @@ impl Going {
             }
             let ins = before + part * (self.ins.velocity_enu_mps - before) + antenna;
             self.sum.velocity_mps += ins.xy() - velocity;
-            self.sum.felt = (self.sum.felt.plus(1.0, &self.epoch.felt)).plus(part, &felt);
+            self.sum.integrals =
+                (self.sum.integrals.plus(1.0, &self.epoch.integrals)).plus(part, &integrals);
             self.sum.fixes += 1;
         }
         self.angle_rad += interval.rotation_rad();
         let epoch = &mut self.epoch;
-        epoch.felt = epoch.felt.plus(1.0, &felt);
+        epoch.integrals = epoch.integrals.plus(1.0, &integrals);
         epoch.seconds += interval.seconds;
-        epoch.broken |= timed.hole;
+        epoch.has_gap |= timed.gap;
     }
 
-    fn felt_by(&self, step: &Step, interval: &Interval, correction: &Correction) -> Felt {
+    fn integrate(&self, step: &Step, interval: &Interval, correction: &Correction) -> Integrals {
         let beyond_level = correction.beyond_level_mps(interval);
         let scaled_turn_rad = step.attitude * Matrix3::from_diagonal(&interval.angle_rad);
-        let turned = self.epoch.felt.scaled_turn_rad + 0.5 * scaled_turn_rad;
-        Felt {
+        let turned = self.epoch.integrals.scaled_turn_rad + 0.5 * scaled_turn_rad;
+        Integrals {
             force_mps: step.force_enu_mps,
             attitude_s: interval.seconds * step.attitude,
             scaled_force_mps: step.attitude * Matrix3::from_diagonal(&beyond_level),
@@ -529,8 +531,8 @@ impl Going {
         };
         // `C' = (I - [Phi x]) C`: turning the platform by Phi is a rotation by -Phi.
         let turned = -(reference.attitude * before.inverse()).scaled_axis();
-        let rest_rate =
-            self.angle_rad / seconds - self.epoch.felt.attitude_s.tr_mul(&frame_rate) / seconds;
+        let rest_rate = self.angle_rad / seconds
+            - self.epoch.integrals.attitude_s.tr_mul(&frame_rate) / seconds;
         let velocity_control = reference.velocity_enu_mps - self.ins.velocity_enu_mps;
         let gained = self.ins.velocity_enu_mps - self.start.velocity_enu_mps;
         let [from, to] = [&self.start.attitude, &self.ins.attitude]
@@ -544,18 +546,18 @@ impl Going {
             rest_rate_radps: at_rest.then_some(rest_rate),
             difference: (fixes > 0.0).then(|| Difference {
                 velocity_mps: self.sum.velocity_mps / fixes,
-                felt: self.sum.felt.scaled(1.0 / fixes),
+                integrals: self.sum.integrals.scaled(1.0 / fixes),
                 acceleration_mps2: gained.xy() / seconds,
                 attitude_rate_per_s: turning / seconds,
                 fixes: self.sum.fixes,
             }),
-            broken: self.epoch.broken || seconds > LONGEST_EPOCH_S,
+            has_gap: self.epoch.has_gap || seconds > LONGEST_EPOCH_S,
             ..self.epoch
         }
     }
 }
 
-/// Differences that no receiver noise makes.
+/// Removes differences beyond any receiver noise.
 fn drop_outliers(epochs: &mut [Epoch]) {
     let size = |epoch: &Epoch| epoch.difference.as_ref().map(|d| d.velocity_mps.norm());
     let median = median(epochs.iter().filter_map(size));
@@ -578,8 +580,8 @@ mod tests {
     use crate::sim::{DriveConfig, simulate};
     use crate::statistics::rms;
 
-    /// What half a second leaves out of the manoeuvres of this car doubles the differences; its memory is found
-    /// to a tenth, which leaves some.
+    /// The lag of half a second of smoothing in the manoeuvres of this car doubles the differences; its time
+    /// constant is estimated to a tenth, which leaves some.
     #[test]
     fn what_a_receiver_smooths_away_is_no_noise() {
         let mut config = DriveConfig::new(12, Grade::Mems, 15.0);

@@ -16,9 +16,9 @@ use super::linear::{Agreement, LinearModel};
 use super::route::Route;
 use super::sensors::{Intervals, STEP_S, Sensors};
 use crate::aircraft::flight::FlightError;
+use crate::identify::baro_aided_ins::{BaroAidedIns, HorizontalError};
 use crate::identify::configure::config_of;
 use crate::identify::free_inertial::value;
-use crate::identify::held_ins::{HeldIns, LevelError};
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::log::Grade;
 use crate::page::progress::counted;
@@ -85,7 +85,7 @@ pub struct Run {
     /// Errors left in the estimates.
     pub left: Left,
     /// Errors of each of [`VARIANTS`] at every minute of the free part.
-    pub free: [Vec<LevelError>; 3],
+    pub free: [Vec<HorizontalError>; 3],
     /// Velocity error against [`LinearModel::both`]: estimates, then raw.
     pub agreement: [[Agreement; 2]; 2],
     /// Position error of each cell of the grid at the end, m; walks within biases.
@@ -110,10 +110,10 @@ pub fn run_alone(
     seed: u64,
     route: &Route,
     settings: &Settings,
-) -> Result<(Left, Vec<LevelError>), RunError> {
+) -> Result<(Left, Vec<HorizontalError>), RunError> {
     let (mut sensors, navigator, start) = aided(seed, route, settings)?;
     let estimates = navigator.estimates();
-    let ([gyro, accel], mut ins) = (biases(&estimates), HeldIns::new(&start));
+    let ([gyro, accel], mut ins) = (biases(&estimates), BaroAidedIns::new(&start));
     let mut measured = Intervals::default();
     let left = left(&sensors, &start, &estimates);
     let minutes = (0..settings.minutes_free).map(|_| {
@@ -191,8 +191,8 @@ struct Free {
     off: [Vector3<f64>; 2],
     measured: Intervals,
     ideal: Intervals,
-    ins: [HeldIns; 3],
-    errors: [Vec<LevelError>; 3],
+    ins: [BaroAidedIns; 3],
+    errors: [Vec<HorizontalError>; 3],
     models: [[LinearModel; 2]; 2],
     grid: Grid,
 }
@@ -213,7 +213,7 @@ impl Free {
             off: array::from_fn(|kind| known[kind] - true_biases[kind]),
             measured: Intervals::default(),
             ideal: Intervals::default(),
-            ins: [HeldIns::new(start); 3],
+            ins: [BaroAidedIns::new(start); 3],
             errors: Default::default(),
             models: [LinearModel::both(start, truth); 2],
             grid: Grid::new(seed, truth),
@@ -278,7 +278,7 @@ impl Free {
 /// Free INS that start without error and have nothing but the grid's gyro errors, the same draws
 /// in every cell.
 struct Grid {
-    ins: [HeldIns; CELLS],
+    ins: [BaroAidedIns; CELLS],
     bias: Vector3<f64>,
     noise: Random,
 }
@@ -286,7 +286,7 @@ struct Grid {
 impl Grid {
     fn new(seed: u64, truth: &Solution) -> Self {
         Self {
-            ins: [HeldIns::new(truth); CELLS],
+            ins: [BaroAidedIns::new(truth); CELLS],
             bias: Vector3::from(Random::stream(seed, "residual bias").normal3()),
             noise: Random::stream(seed, "residual noise"),
         }

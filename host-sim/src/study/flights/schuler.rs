@@ -7,7 +7,7 @@ use super::linear::{Agreement, LinearModel};
 use super::route::Route;
 use super::run::RunError;
 use super::sensors::{Intervals, STEP_S, Sensors};
-use crate::identify::held_ins::HeldIns;
+use crate::identify::baro_aided_ins::BaroAidedIns;
 use crate::sim::ErrorModel;
 use crate::sim::drive::IMU_HZ;
 use ins_core::config::Config;
@@ -75,7 +75,7 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
     let tilt_rad = Vector3::new(-pull.y, pull.x, 0.0) / earth.gravity_mps2;
     start.attitude = nalgebra::UnitQuaternion::from_scaled_axis(-tilt_rad) * start.attitude;
 
-    let mut ins = HeldIns::new(&start);
+    let mut ins = BaroAidedIns::new(&start);
     let mut models = LinearModel::both(&start, sensors.truth());
     let (mut intervals, damping) = (Intervals::default(), Config::hg1700().damping);
     let mut curves = Vec::new();

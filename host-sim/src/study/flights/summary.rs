@@ -8,7 +8,7 @@ use super::route::Route;
 use super::run::{BIASES_DEG_H, DEG_SQRT_H, Left, Run, Settings, WALKS_DEG_SQRT_H, cell_errors};
 use super::schuler::Schuler;
 use super::statistics::{Figure, rms};
-use crate::identify::held_ins::LevelError;
+use crate::identify::baro_aided_ins::HorizontalError;
 
 /// RMS position error after 1 h of free flight in the thesis, km.
 pub const THESIS_KM: f64 = 3.7;
@@ -147,7 +147,12 @@ fn left(runs: &[Run]) -> Left {
 }
 
 /// Errors of a variant at a minute, from 0, of every run.
-fn errors(runs: &[Run], variant: usize, minute: usize, value: fn(&LevelError) -> f64) -> Vec<f64> {
+fn errors(
+    runs: &[Run],
+    variant: usize,
+    minute: usize,
+    value: fn(&HorizontalError) -> f64,
+) -> Vec<f64> {
     runs.iter()
         .map(|run| value(&run.free[variant][minute]))
         .collect()

@@ -8,9 +8,9 @@ use nalgebra::{Vector2, Vector3};
 
 use super::part::GRADE;
 use crate::compare::five_stage::{self, FiveStage};
+use crate::identify::baro_aided_ins::BaroAidedIns;
 use crate::identify::configure::config_of;
-use crate::identify::free_inertial::feed;
-use crate::identify::held_ins::HeldIns;
+use crate::identify::free_inertial::feed_intervals;
 use crate::identify::row::Row;
 use crate::identify::run::{Identification, identify, record};
 use crate::log::{BodyAxes, Log};
@@ -95,11 +95,11 @@ impl Drive {
         known: impl Fn(Time) -> [Vector3<f64>; 2],
         end: Time,
     ) -> Velocities {
-        let mut ins = HeldIns::new(start);
+        let mut ins = BaroAidedIns::new(start);
         let mut height_m = start.position.height_m;
         let (mut errors, mut last) = (Velocities::new(), start.time);
         // Samples may end: so do the errors.
-        let _ = feed(log, start.time, &[], |interval: &Interval, time| {
+        let _ = feed_intervals(log, start.time, &[], |interval: &Interval, time| {
             let [gyro, accel] = known(time);
             ins.step(
                 &interval.without_bias(&gyro, &accel),

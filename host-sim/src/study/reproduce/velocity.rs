@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use super::drive::{Drive, Velocities};
 use super::part::{GRADE, Number, Part, Settings, csv, here};
 use crate::compare::five_stage::Stage;
+use crate::identify::baro_aided_ins::BaroAidedIns;
 use crate::identify::error_model::{Identified, Record};
-use crate::identify::held_ins::HeldIns;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::row::Row;
 use crate::log::Log;
@@ -389,7 +389,7 @@ pub(super) fn free(run: &SimulatedDrive) -> Velocities {
     let Some((first, start)) = run.imu.first().zip(run.truth.first()) else {
         return Velocities::new();
     };
-    let mut ins = HeldIns::new(start);
+    let mut ins = BaroAidedIns::new(start);
     let mut increments = Increments::new(config.imu_output, first);
     let mut errors = Velocities::new();
     // The truth begins one interval before the samples.

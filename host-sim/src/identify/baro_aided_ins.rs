@@ -1,4 +1,4 @@
-//! A free INS at a height that a barometer holds: alone the vertical channel runs away.
+//! A free INS with its vertical channel damped by a barometer: alone it is unstable.
 
 use ins_core::Solution;
 use ins_core::config::DampingConfig;
@@ -10,12 +10,12 @@ use serde::Serialize;
 
 /// Horizontal error of an INS.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct LevelError {
+pub struct HorizontalError {
     pub position_m: f64,
     pub velocity_mps: f64,
 }
 
-impl LevelError {
+impl HorizontalError {
     pub fn of(solution: &Solution, truth: &Solution) -> Self {
         let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
         Self {
@@ -27,9 +27,9 @@ impl LevelError {
 
 /// The INS; its barometer has no errors.
 #[derive(Clone, Copy, Debug)]
-pub struct HeldIns(Mechanization);
+pub struct BaroAidedIns(Mechanization);
 
-impl HeldIns {
+impl BaroAidedIns {
     pub fn new(start: &Solution) -> Self {
         Self(Mechanization::new(
             start.position,
@@ -53,8 +53,8 @@ impl HeldIns {
         (self.0.velocity_enu_mps - truth.velocity_enu_mps).xy()
     }
 
-    pub fn error(&self, truth: &Solution) -> LevelError {
-        LevelError {
+    pub fn error(&self, truth: &Solution) -> HorizontalError {
+        HorizontalError {
             position_m: self.0.position.enu_from(&truth.position).xy().norm(),
             velocity_mps: self.velocity_error_mps(truth).norm(),
         }
