@@ -1,5 +1,5 @@
-//! Finished runs of a campaign or a rehearsal: a line each, in a file that only grows; and the shards
-//! that share the runs out.
+//! Finished runs of a campaign or a rehearsal: a line each, in an append-only file; and the shards
+//! among which the runs are divided.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
@@ -84,8 +84,8 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// Opens or makes the file of a shard in a folder. A last line without its end is what a kill in
-    /// the middle of writing leaves: it is cut off.
+    /// Opens or creates the file of a shard in a folder. An incomplete last line, left by a kill during
+    /// writing, is cut off.
     pub fn open(folder: &Path, shard: Shard) -> Result<Self, LedgerError> {
         let path = folder.join(shard.file());
         let io = |source| io(&path, source);
@@ -104,8 +104,8 @@ impl Ledger {
         Ok(Self { path, file })
     }
 
-    /// Does what is left to do, on all threads, and adds a line for each. Which thread does what
-    /// leaves no trace in the lines but their order.
+    /// Runs the jobs left on all threads, and adds a line for each. Only the order of the lines depends
+    /// on the threads.
     pub fn fill<J: Send, L: Serialize>(
         &self,
         left: Vec<J>,
@@ -129,9 +129,9 @@ impl Ledger {
     }
 }
 
-/// Makes the folder of what is going to be run, with a text of it in the file `mark`; or finds that
-/// it belongs to the same, so that runs go on there. Returns where an earlier folder is kept, by force.
-pub fn settle(
+/// Creates the output folder, with the text of the plan in the file `mark`; or finds that it is of the
+/// same plan and can be resumed. By force an earlier folder is moved: returns where to.
+pub fn prepare_folder(
     out: &Path,
     mark: &str,
     text: &str,
@@ -151,14 +151,14 @@ pub fn settle(
         );
     }
     check_free(out, mark, force)?;
-    // Hours of runs, and maybe somebody's notes.
+    // It may have hours of runs, and notes of the user.
     let before = copy.is_file().then(|| set_aside(out)).transpose()?;
     fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
     replace(&copy, text)?;
     Ok(before)
 }
 
-/// Tells of every whole line of the files in a folder, which nobody need hold.
+/// Calls `known` with every complete line of the files in a folder.
 pub fn read_folder<L: DeserializeOwned>(folder: &Path, mut known: impl FnMut(L)) -> Result<()> {
     for entry in fs::read_dir(folder).map_err(|e| OutputError::io(folder, e))? {
         let path = entry.map_err(|e| OutputError::io(folder, e))?.path();
@@ -177,7 +177,7 @@ fn io(file: &Path, source: std::io::Error) -> LedgerError {
     }
 }
 
-/// Returns the length of all whole lines.
+/// Returns the length of all complete lines.
 fn read<L: DeserializeOwned>(
     path: &Path,
     file: &File,
@@ -249,7 +249,8 @@ mod tests {
     fn by_force_what_was_there_is_set_aside() {
         let home = tempfile::tempdir().unwrap();
         let out = home.path().join("out");
-        let begin = |force| settle(&out, "plan.toml", "a plan", force, |_| Ok(false), "another");
+        let begin =
+            |force| prepare_folder(&out, "plan.toml", "a plan", force, |_| Ok(false), "another");
         begin(false).unwrap();
         fs::write(out.join("notes.txt"), "mine").unwrap();
         let refused = begin(false).unwrap_err().to_string();

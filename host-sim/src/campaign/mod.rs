@@ -1,10 +1,9 @@
-//! Campaigns: units, their drives, the models identified from these, and flights with the true and
-//! with the identified models. How accurate a navigation algorithm will be, and whether that can
-//! be foretold from drives.
+//! Campaigns (Monte Carlo): units, their drives, the models identified from these, and flights with
+//! the true and with the identified models. They show the accuracy of a navigation algorithm, and
+//! whether drives predict it.
 //!
-//! Every run is a line in a file that only grows, and is written once the run is over: a campaign
-//! that was stopped goes on where it was. What stays in memory is a model a unit and a bit of
-//! bookkeeping a run.
+//! Every run is a line in an append-only file, written once the run is over: a campaign that was
+//! stopped resumes where it was. Memory holds a model a unit and the key of every run.
 
 pub(crate) mod ledger;
 pub(crate) mod plan;

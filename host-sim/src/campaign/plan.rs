@@ -12,7 +12,7 @@ use crate::sim::errors::BiasModel;
 use crate::sim::noise::Random;
 use ins_core::ImuOutput;
 
-/// What a campaign does. All random numbers follow from the seed.
+/// Plan of a campaign. All random numbers follow from the seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -20,7 +20,7 @@ pub struct Plan {
     #[serde(default)]
     pub seed: u64,
     pub units: u32,
-    /// Drives from which a unit is identified.
+    /// Drives from which each unit is identified.
     pub drives: u32,
     pub drive_minutes: f64,
     /// Flights of a unit with its true model, and as many with the identified one.
@@ -43,7 +43,7 @@ pub enum Errors {
     Model(Box<ErrorModel>),
 }
 
-/// What is wrong with a model stays the model's own message, which serde's choice among variants forgets.
+/// By hand, since serde's untagged variants would lose the model's own error message.
 impl<'de> Deserialize<'de> for Errors {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = toml::Value::deserialize(deserializer)?;
@@ -176,7 +176,7 @@ impl Plan {
     }
 }
 
-/// What a log has and the flights, which are flown without one, do not.
+/// First setting that acts on logs, but not on flights, which are simulated without one.
 fn without_effect_in_flight(model: &ErrorModel) -> Option<&'static str> {
     let there = [
         ("imu.dropped_fraction", model.imu.dropped_fraction > 0.0),

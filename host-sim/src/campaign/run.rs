@@ -1,4 +1,4 @@
-//! What a campaign does: every run of it, or of a shard of it, that is not done yet.
+//! All runs of a campaign, or of a shard of it, that are not done yet.
 
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
@@ -20,7 +20,7 @@ use crate::study::flights::route::Route;
 use crate::study::flights::run::{Left, Settings, run_alone};
 use crate::study::recovery::drive_record;
 
-/// Moments of the free part that are looked at, in quarters of it.
+/// Times of the free part at which errors are evaluated, in quarters of it.
 pub(super) const QUARTERS: u32 = 4;
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,28 +33,28 @@ pub enum Line {
     },
     Flight {
         unit: u32,
-        with: With,
+        with: FlightModel,
         flight: u32,
-        /// What came out; none if it could not be flown.
-        flown: Option<Flown>,
+        /// Errors; none if it could not be flown.
+        flown: Option<FlightErrors>,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         why: Option<String>,
     },
 }
 
-/// One flight: whole numbers.
+/// Errors of one flight, as integers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Flown {
+pub struct FlightErrors {
     /// Horizontal position error after each quarter of the free part, cm.
     pub position_cm: [u64; QUARTERS as usize],
     /// Horizontal velocity error then, mm/s.
     pub velocity_mmps: [u64; QUARTERS as usize],
-    /// Azimuth error when GNSS went, thousandths of a degree, without its sign.
+    /// Azimuth error at the end of GNSS, thousandths of a degree, absolute.
     pub azimuth_mdeg: u64,
 }
 
-impl Flown {
-    /// Of what was left when GNSS went and the errors at every minute after that.
+impl FlightErrors {
+    /// From the errors left at the end of GNSS, and those at every minute after it.
     pub fn new(left: &Left, minutes: &[HorizontalError]) -> Self {
         let whole = |value: f64| whole(value.abs().round()) as u64;
         let at = |quarter: usize| {
@@ -75,10 +75,10 @@ impl Flown {
     }
 }
 
-/// Model of the sensors on a flight.
+/// Which error model of the sensors a flight has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum With {
+pub enum FlightModel {
     /// That the drives were made with.
     True,
     /// That was identified from them.
@@ -88,7 +88,7 @@ pub enum With {
 pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> Result<()> {
     let (mut known, mut flown) = (HashMap::new(), HashSet::new());
     let ledger = Ledger::open(folder, shard)?;
-    // Whoever ran it.
+    // Of all shards.
     read_folder(folder, |line| match line {
         Line::Model { unit, model } => drop(known.insert(unit, model)),
         Line::Flight {
@@ -104,7 +104,7 @@ pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> 
         .iter()
         .zip(&models)
         .flat_map(|(&unit, [truth, found])| {
-            let models = [(With::True, truth), (With::Identified, found)];
+            let models = [(FlightModel::True, truth), (FlightModel::Identified, found)];
             let flights =
                 move |(with, model)| (0..plan.flights).map(move |n| (unit, with, n, model));
             models.into_iter().flat_map(flights)
@@ -122,7 +122,7 @@ pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> 
             errors: model.clone(),
         };
         let (flown, why) = match run_alone(plan.flight_seed(unit, flight), &route, &settings) {
-            Ok((left, errors)) => (Some(Flown::new(&left, &errors)), None),
+            Ok((left, errors)) => (Some(FlightErrors::new(&left, &errors)), None),
             Err(error) => (None, Some(error.to_string())),
         };
         Ok(Line::Flight {
@@ -155,7 +155,7 @@ fn identify(
             })?;
             model
         };
-        // Fresh or known, the model goes through its text: the same bits either way.
+        // A new model is read back from its text as well: the same bits either way.
         let found = ErrorModel::from_toml(&text)
             .map_err(|error| miette!("model of unit {unit}: {error}"))?;
         Ok([truth, found])
@@ -171,7 +171,7 @@ fn identified(plan: &Plan, unit: u32, truth: &ErrorModel) -> ErrorModel {
         })
         .collect();
     ErrorModel {
-        // No drive shows how well a heading is known that is told: the same is told to both.
+        // The sigma of a given heading is not observable in drives: it is the same for both.
         given_heading_sigma_deg: truth.given_heading_sigma_deg,
         ..Identified::new(&records, Grade::Hg1700, None).model()
     }

@@ -7,9 +7,8 @@ use miette::{IntoDiagnostic, Result};
 
 use crate::page::output::replace;
 
-/// Writes a script for `sbatch` into the folder: as many shards of the command that this process
-/// was started with as jobs, each on all cores that it is given; then `sum` adds them up, that
-/// command itself unless given.
+/// Writes a script for `sbatch` into the folder: the command of this process in `jobs` shards, each on
+/// all cores that it is given; then `sum`, or the command itself, adds them up.
 pub fn write(name: &str, folder: &Path, jobs: u32, sum: Option<&[String]>) -> Result<PathBuf> {
     let command = this_command();
     let [shard, sum] = [&command[..], sum.unwrap_or(&command)].map(quoted);
@@ -38,7 +37,7 @@ pub fn write(name: &str, folder: &Path, jobs: u32, sum: Option<&[String]>) -> Re
     Ok(file)
 }
 
-/// Without what asks for the script or would drop what is there.
+/// Arguments of this process, without `--slurm` and `--force`.
 fn this_command() -> Vec<String> {
     let mut words = env::args_os()
         .skip(1)
@@ -54,7 +53,7 @@ fn this_command() -> Vec<String> {
     command
 }
 
-/// For a shell, whatever is in it but nul, which no argument has.
+/// Quoted for a shell; fails only on nul, which no argument has.
 fn quoted(words: &[String]) -> String {
     let words = words.iter().map(String::as_str);
     shlex::try_join(words).unwrap_or_default()

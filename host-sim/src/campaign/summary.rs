@@ -1,24 +1,24 @@
-//! What a campaign says: the accuracy that the models foretell.
+//! Summary of a campaign: accuracy with the true models, and as predicted with the identified ones.
 //!
-//! Sums of whole numbers, so that the order in which runs were finished leaves no trace.
+//! Sums of integers, so that they do not depend on the order in which runs were finished.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use super::plan::Plan;
-use super::run::{Flown, Line, QUARTERS, With};
+use super::run::{FlightErrors, FlightModel, Line, QUARTERS};
 use crate::identify::error_model::interval::{Interval, plain_mean};
 use crate::page::table::{Table, heads};
 use crate::page::{brief, digits};
 
-/// Goal: predicted over true accuracy, off by no more than this.
+/// Goal: largest deviation of predicted over true accuracy from one.
 pub const GOAL: f64 = 0.1;
 
-/// Of fewer there is no interval of a ratio: on logarithms it would be from nothing to thousands of times.
+/// Fewest units for an interval of a ratio: of fewer, on logarithms, its factor would be in the thousands.
 const FEWEST_UNITS: usize = 5;
 
-/// What figures are called, their unit, how many of it one count is, and the quarter they are of.
+/// Name, unit, value of one count in it, and quarter of each figure.
 const FIGURES: [(&str, &str, f64, u32); 9] = [
     ("azimuth when GNSS goes", "deg", 1e-3, 0),
     ("position", "km", 1e-5, 1),
@@ -37,8 +37,8 @@ pub struct Tally {
     units: Vec<[Flights; 2]>,
 }
 
-/// By number: one that two shards have flown counts once. What could not be flown has a reason.
-type Flights = BTreeMap<u32, Result<Flown, String>>;
+/// By number: one that two shards have flown counts once. One that could not be flown has a reason.
+type Flights = BTreeMap<u32, Result<FlightErrors, String>>;
 
 impl Tally {
     pub fn new(plan: &Plan) -> Self {
@@ -58,11 +58,11 @@ impl Tally {
             && let Some(models) = self.units.get_mut(*unit as usize)
         {
             let flown = flown.ok_or_else(|| why.clone().unwrap_or_default());
-            models[usize::from(*with == With::Identified)].insert(*flight, flown);
+            models[usize::from(*with == FlightModel::Identified)].insert(*flight, flown);
         }
     }
 
-    /// Flights that a plan asks for and that are not there.
+    /// Flights of the plan that are missing.
     pub fn missing(&self, plan: &Plan) -> u64 {
         let all = 2 * u64::from(plan.units) * u64::from(plan.flights);
         let there: usize = self.units.iter().flatten().map(Flights::len).sum();
@@ -75,16 +75,16 @@ impl Tally {
 pub struct Row {
     pub figure: &'static str,
     pub unit: &'static str,
-    /// Since GNSS went, min.
+    /// Since the end of GNSS, min.
     pub minutes: f64,
     pub truth: Interval,
-    /// With the identified models: what drives foretell.
+    /// With the identified models: predicted from drives.
     pub predicted: Interval,
-    /// Predicted over true, geometric mean over the units; of few without bounds.
+    /// Predicted over true, geometric mean over the units; of few units without bounds.
     pub ratio: Interval,
     /// Units that have flown with both models.
     pub units: usize,
-    /// Those of them where the two differ by more than the goal.
+    /// Those of them whose ratio is beyond the goal.
     pub units_beyond_goal: usize,
 }
 
@@ -93,7 +93,7 @@ pub struct Summary {
     pub plan: Plan,
     pub flown: usize,
     pub failed: usize,
-    /// Why the first of these did.
+    /// Why the first of these failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
     /// None where fewer than two units have flown with both models.
@@ -145,7 +145,7 @@ impl Summary {
     }
 }
 
-/// None with fewer than two units flown: nothing to draw an interval from.
+/// None with fewer than two units flown, too few for an interval.
 fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
     let (figure, unit, scale, quarter) = FIGURES[which];
     let mean_square = |flights: &Flights| {
@@ -203,23 +203,23 @@ mod tests {
     }
 
     /// The one flight of both units with both models.
-    fn lines(flown: Option<fn(u64) -> Flown>) -> Vec<Line> {
-        let line = |unit: u32, with: With| Line::Flight {
+    fn lines(flown: Option<fn(u64) -> FlightErrors>) -> Vec<Line> {
+        let line = |unit: u32, with: FlightModel| Line::Flight {
             unit,
             with,
             flight: 0,
             flown: flown.map(|of_size| of_size(u64::from(unit) + 1)),
             why: flown.is_none().then(|| format!("unit {unit} came down")),
         };
-        let models = [With::True, With::Identified];
+        let models = [FlightModel::True, FlightModel::Identified];
         let units = [0, 1].into_iter();
         units
             .flat_map(|unit| models.map(|with| line(unit, with)))
             .collect()
     }
 
-    fn flown(size: u64) -> Flown {
-        Flown {
+    fn flown(size: u64) -> FlightErrors {
+        FlightErrors {
             position_cm: [size; QUARTERS as usize],
             velocity_mmps: [size; QUARTERS as usize],
             azimuth_mdeg: size,

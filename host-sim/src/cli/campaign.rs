@@ -95,7 +95,7 @@ fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
         _ => "a campaign of another plan",
     };
     let same = |copy: &Path| Ok(read(copy)? == text);
-    let kept = ledger::settle(out, PLAN, &text, force, same, other)?;
+    let kept = ledger::prepare_folder(out, PLAN, &text, force, same, other)?;
     tell_kept(out, kept.as_deref());
     Ok(())
 }

@@ -25,11 +25,11 @@ use crate::log::import;
 use crate::page;
 use crate::page::output::{read, replace};
 use crate::page::progress::bar;
-use crate::rehearse::flight::{Told, World};
+use crate::rehearse::flight::{Apriori, Scenario};
 use crate::rehearse::output;
 use crate::rehearse::run::{lines, run};
 use crate::rehearse::settings::{Drives, Key, Rehearsal, Settings};
-use crate::rehearse::subject::{AT_HAND, Subject};
+use crate::rehearse::subject::{BUILT_IN, Subject};
 use crate::rehearse::summary::Summary;
 use crate::sim::errors::{ErrorModel, ErrorModelError};
 use crate::sim::recorded::RecordedNoise;
@@ -142,14 +142,14 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     let grade = options.class.grade;
     let drives = Drives::of(&options.drives, |drive| identified(drive, grade))?;
     let free_s = 60.0 * options.minutes_free;
-    let world = World::new(dynamics, plan, free_s, drives.imu_hz)
+    let scenario = Scenario::new(dynamics, plan, free_s, drives.imu_hz)
         .map_err(|error| miette!("{}: {error}", options.plan.display()))?;
-    if world.aided_s() < 60.0 {
+    if scenario.aided_s() < 60.0 {
         bail!(
             help = "a longer plan (`duration_s` flies its legs again), or less --minutes-free",
             "{}: {:.0} s are flown, of which {free_s:.0} s without GNSS leave less than a minute before",
             options.plan.display(),
-            world.duration_s
+            scenario.duration_s
         );
     }
     let found = error_model_of(&drives.records, drives.grade, None);
@@ -159,7 +159,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     let rehearsal = Rehearsal {
         settings: settings(
             options,
-            &world,
+            &scenario,
             &drives,
             &found,
             noise.as_ref(),
@@ -171,12 +171,12 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
         noise,
         subjects,
     };
-    let told = Told {
+    let apriori = Apriori {
         grade: drives.grade,
         model: rehearsal.settings.model.clone(),
         limit: Duration::from_secs_f64(options.time_limit),
     };
-    can_be_told(&rehearsal, &told, options.set.as_deref())?;
+    check_apriori(&rehearsal, &apriori, options.set.as_deref())?;
     let out = &options.output.out;
     settle(&rehearsal.settings, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
@@ -193,11 +193,19 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
         let out = out.display();
         eprintln!("{out}: flights taken from before: {flown}, left to fly: {left}");
     };
-    run(&rehearsal, &world, &told, shard, out, tell_flown, &bar())?;
+    run(
+        &rehearsal,
+        &scenario,
+        &apriori,
+        shard,
+        out,
+        tell_flown,
+        &bar(),
+    )?;
     if shard != Shard::ALL {
         return print(&format!("{} is done\n", out.join(shard.file()).display()));
     }
-    let summary = Summary::new(&rehearsal, &world, &lines(out)?);
+    let summary = Summary::new(&rehearsal, &scenario, &lines(out)?);
     output::write(out, &summary)?;
     let told = || output::readable(&summary) + &report_line(out);
     options.output.print.result(&summary, told)?;
@@ -217,7 +225,7 @@ fn subjects(with: &[String]) -> Result<Vec<Subject>> {
     };
     let mut subjects: Vec<Subject> = with.iter().map(named).collect::<Result<_>>()?;
     if subjects.is_empty() {
-        let [(_, core), ..] = AT_HAND;
+        let [(_, core), ..] = BUILT_IN;
         subjects.push(core);
     }
     let mut names: Vec<String> = subjects.iter().map(Subject::name).collect();
@@ -261,7 +269,7 @@ pub(super) fn in_keys(file: Option<&Path>, error: &ErrorModelError) -> Report {
 
 fn settings(
     options: &Rehearse,
-    world: &World,
+    scenario: &Scenario,
     drives: &Drives,
     found: &Identified,
     noise: Option<&RecordedNoise>,
@@ -277,9 +285,9 @@ fn settings(
         flights: options.flights,
         models: options.models,
         budget: options.budget,
-        duration_s: world.duration_s,
-        free_s: world.free_s,
-        imu_hz: world.imu_hz,
+        duration_s: scenario.duration_s,
+        free_s: scenario.free_s,
+        imu_hz: scenario.imu_hz,
         limit_s: options.time_limit,
         with: options.with.clone(),
         programs: (subjects.iter())
@@ -294,21 +302,21 @@ fn settings(
     };
     let wrong = |error| in_keys(options.set.as_deref(), &error);
     settings.model = settings.applied(model).map_err(wrong)?;
-    let imu_hz = f64::from(world.imu_hz);
+    let imu_hz = f64::from(scenario.imu_hz);
     (settings.model.check_at(imu_hz)).map_err(wrong)?;
     Ok(settings)
 }
 
 /// Refuses what no algorithm at hand can be configured by, where it is set.
-fn can_be_told(rehearsal: &Rehearsal, told: &Told, set: Option<&Path>) -> Result<()> {
+fn check_apriori(rehearsal: &Rehearsal, apriori: &Apriori, set: Option<&Path>) -> Result<()> {
     let check = |model: ErrorModel| {
-        let told = Told {
+        let apriori = Apriori {
             model,
-            ..told.clone()
+            ..apriori.clone()
         };
-        (rehearsal.subjects.iter()).try_for_each(|subject| subject.check(&told))
+        (rehearsal.subjects.iter()).try_for_each(|subject| subject.check(&apriori))
     };
-    let Err(error) = check(told.model.clone()) else {
+    let Err(error) = check(apriori.model.clone()) else {
         return Ok(());
     };
     let found = rehearsal.found.model();
@@ -358,7 +366,7 @@ fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
         differ.join(", ")
     );
     let same = |_: &Path| Ok(differ.is_empty());
-    let kept = ledger::settle(out, SETTINGS, &text, force, same, &other)?;
+    let kept = ledger::prepare_folder(out, SETTINGS, &text, force, same, &other)?;
     tell_kept(out, kept.as_deref());
     // A program that is there only now is the one from now on.
     if text != before {

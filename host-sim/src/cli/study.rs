@@ -17,7 +17,7 @@ use crate::log::{self, Grade};
 use crate::page::output::{check_free_file, replace};
 use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
-use crate::rehearse::settings::{Drives, Judged};
+use crate::rehearse::settings::{DriveVerdict, Drives};
 
 use crate::study::options::MOST_SEED;
 use crate::study::recordings::{Outcome, Recording};
@@ -409,7 +409,7 @@ impl Rehearse {
         #[derive(Serialize)]
         struct Proof {
             /// Of all drives: first those of the model.
-            verdicts: Vec<Judged>,
+            verdicts: Vec<DriveVerdict>,
             rows: Vec<proof::Row>,
         }
         let grade = self.class.grade;
@@ -424,7 +424,7 @@ impl Rehearse {
         };
         for path in &self.against {
             let analysis = identified(path, Some(drives.grade))?;
-            let rows = proof::tried(&analysis, &model, self.seeds)?;
+            let rows = proof::compare_drift(&analysis, &model, self.seeds)?;
             if rows.is_empty() {
                 eprintln!(
                     "{}: nothing to compare: it never navigates, or no outage fits, on it or on its \
@@ -433,10 +433,10 @@ impl Rehearse {
                 );
             }
             proof.rows.extend(rows);
-            proof.verdicts.push(Judged::of(analysis.summary));
+            proof.verdicts.push(DriveVerdict::of(analysis.summary));
         }
         self.print.result(&proof, || {
-            let told = proof.verdicts.iter().flat_map(Judged::lines);
+            let told = proof.verdicts.iter().flat_map(DriveVerdict::lines);
             let told = told.collect::<Vec<_>>().join("\n");
             format!("{told}\n\n{}", proof::readable(&proof.rows))
         })

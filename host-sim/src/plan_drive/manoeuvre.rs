@@ -1,4 +1,4 @@
-//! What a driver can be asked for, as motion and in words.
+//! Manoeuvres, as motion and in words for the driver.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::sim::car::DriveProfile;
 use crate::sim::noise::Random;
 
-/// A minute or so of driving, from whatever speed the last one has left.
+/// A minute or so of driving, from the final speed of the last one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Manoeuvre {
@@ -22,10 +22,10 @@ pub enum Manoeuvre {
     Hill,
 }
 
-/// Pedal and wheel take about so long, s: the middle of what the simulated driver does.
+/// Times to apply pedal and steering, s: the middle of those of the simulated driver.
 const PEDAL_S: f64 = 1.1;
 const STEERING_S: f64 = 1.3;
-/// Brisk, but passengers bear it, m/s^2.
+/// Brisk, but comfortable lateral acceleration, m/s^2.
 const LATERAL_MPS2: f64 = 2.5;
 /// Radii of a street corner, of a half turn or a figure of eight on a wide road, and of a
 /// roundabout, m.
@@ -36,10 +36,10 @@ const ROUNDABOUT_M: f64 = 20.0;
 const STAND_S: f64 = 30.0;
 const CRUISE_S: f64 = 30.0;
 const HOLD_S: f64 = 3.0;
-/// Length of a hill up and down again, and over which it sets in, m.
+/// Length of a hill up and down again, and of the change of grade, m.
 const HILL_M: f64 = 150.0;
 const ROUNDING_M: f64 = 40.0;
-/// Part by which a driver misses what he is asked for.
+/// Relative scatter of a driver.
 const SCATTER: f64 = 0.1;
 
 impl Manoeuvre {
@@ -111,7 +111,7 @@ impl Manoeuvre {
     }
 
     pub(crate) fn drive(self, course: &mut DriveProfile, site: &Site, driver: &mut Driver) {
-        let mut lay = Laying {
+        let mut builder = CourseBuilder {
             course,
             site,
             driver,
@@ -119,43 +119,43 @@ impl Manoeuvre {
         let top = site.speed_mps();
         match self {
             Self::Stand => {
-                lay.come_to(0.0);
-                lay.hold(STAND_S);
+                builder.come_to(0.0);
+                builder.hold(STAND_S);
             }
             Self::StartAndBrake => {
                 for _ in 0..2 {
-                    lay.come_to(top);
-                    lay.hold(HOLD_S);
-                    lay.come_to(site.slow_mps());
-                    lay.hold(HOLD_S);
+                    builder.come_to(top);
+                    builder.hold(HOLD_S);
+                    builder.come_to(site.slow_mps());
+                    builder.hold(HOLD_S);
                 }
             }
             Self::Cruise => {
-                lay.come_to(top);
-                lay.hold(CRUISE_S);
+                builder.come_to(top);
+                builder.hold(CRUISE_S);
             }
             Self::Block => {
                 for _ in 0..4 {
-                    lay.come_to(site.street_mps());
-                    lay.hold(HOLD_S);
-                    lay.turn(FRAC_PI_2, CORNER_M);
+                    builder.come_to(site.street_mps());
+                    builder.hold(HOLD_S);
+                    builder.turn(FRAC_PI_2, CORNER_M);
                 }
             }
             Self::ThereAndBack => {
                 for _ in 0..2 {
-                    lay.come_to(top);
-                    lay.hold(HOLD_S);
-                    lay.turn(PI, CIRCLE_M);
+                    builder.come_to(top);
+                    builder.hold(HOLD_S);
+                    builder.turn(PI, CIRCLE_M);
                 }
             }
-            Self::Roundabout => lay.turn(-2.0 * TAU, ROUNDABOUT_M),
+            Self::Roundabout => builder.turn(-2.0 * TAU, ROUNDABOUT_M),
             Self::FigureEight => {
-                lay.turn(TAU, CIRCLE_M);
-                lay.turn(-TAU, CIRCLE_M);
+                builder.turn(TAU, CIRCLE_M);
+                builder.turn(-TAU, CIRCLE_M);
             }
             Self::Hill => {
-                lay.come_to(site.street_mps());
-                lay.hill();
+                builder.come_to(site.street_mps());
+                builder.hill();
             }
         }
     }
@@ -193,12 +193,12 @@ impl Site {
         self.speed_kmh / 3.6
     }
 
-    /// Where the road is not free.
+    /// Speed in streets.
     fn street_mps(&self) -> f64 {
         0.6 * self.speed_mps()
     }
 
-    /// Where braking ends: who may not stand still slows down.
+    /// Speed at the end of braking: above zero where stops are not allowed.
     fn slow_mps(&self) -> f64 {
         if self.manoeuvres.contains(&Manoeuvre::Stand) {
             0.0
@@ -207,13 +207,13 @@ impl Site {
         }
     }
 
-    /// Through a turn of a radius.
+    /// Speed in a turn of a radius.
     fn round_mps(&self, radius_m: f64) -> f64 {
         (LATERAL_MPS2 * radius_m).sqrt().min(self.speed_mps())
     }
 }
 
-/// Somebody who drives, as asked for or about so.
+/// A driver, exact or with scatter.
 #[derive(Clone, Debug)]
 pub struct Driver(Option<Random>);
 
@@ -222,18 +222,18 @@ impl Driver {
         Self(None)
     }
 
-    /// Misses it by some per cent, as people do.
+    /// With a scatter of some per cent, as people drive.
     pub fn human(seed: u64) -> Self {
         Self(Some(Random::stream(seed, "driver of a plan")))
     }
 
-    /// Where he sets out to: anywhere, or up a map.
+    /// Initial heading: random, or north if exact.
     pub fn heading_rad(&mut self) -> f64 {
         let circle = [-PI, PI];
         self.0.as_mut().map_or(0.0, |random| random.uniform(circle))
     }
 
-    fn about(&mut self, asked: f64) -> f64 {
+    fn scattered(&mut self, asked: f64) -> f64 {
         let scatter = [1.0 - SCATTER, 1.0 + SCATTER];
         let part = self
             .0
@@ -243,32 +243,32 @@ impl Driver {
     }
 }
 
-struct Laying<'a> {
+struct CourseBuilder<'a> {
     course: &'a mut DriveProfile,
     site: &'a Site,
     driver: &'a mut Driver,
 }
 
-impl Laying<'_> {
+impl CourseBuilder<'_> {
     fn come_to(&mut self, speed_mps: f64) {
-        let to_mps = self.driver.about(speed_mps);
+        let to_mps = self.driver.scattered(speed_mps);
         let gains = to_mps > self.course.speed_mps();
         let pedal = if gains {
             self.site.acceleration_mps2
         } else {
             self.site.braking_mps2
         };
-        let acceleration = self.driver.about(pedal);
+        let acceleration = self.driver.scattered(pedal);
         self.course.change_speed(to_mps, acceleration, PEDAL_S);
     }
 
     fn hold(&mut self, seconds: f64) {
-        self.course.now_s += self.driver.about(seconds);
+        self.course.now_s += self.driver.scattered(seconds);
     }
 
     fn turn(&mut self, angle_rad: f64, radius_m: f64) {
         self.come_to(self.site.round_mps(radius_m));
-        let rate_radps = self.course.speed_mps() / self.driver.about(radius_m);
+        let rate_radps = self.course.speed_mps() / self.driver.scattered(radius_m);
         self.course.turn(angle_rad, rate_radps, STEERING_S);
     }
 

@@ -1,21 +1,21 @@
-//! Which drive does the user need? Manoeuvres are added one by one until each quantity is known to
-//! the sigma that is wanted, or none of them helps.
+//! Planning of a drive: manoeuvres are added one by one until each quantity is estimated to the
+//! wanted sigma, or none of them helps.
 //!
-//! What a manoeuvre brings is not derived anew: the core itself goes over a simulation of it, and
-//! says how well it knows everything then. Its sigmas hang on the geometry, on the noise that it
-//! finds, and on when it finds its heading: so several units are driven side by side, the first
-//! exactly as the plan says, the others as people drive.
+//! The gain of a manoeuvre is not derived analytically: the core is run over a simulation of it, and
+//! its sigmas are taken. They depend on the geometry, on the noise that it estimates, and on when it
+//! finds its heading: so several units are driven in parallel, the first exactly as planned, the
+//! others with the scatter of a human driver.
 
-mod bench;
+mod driven_unit;
 mod manoeuvre;
 pub mod output;
 mod quantities;
 mod reason;
 mod target;
 
-pub use bench::Bench;
+pub use driven_unit::DrivenUnit;
 pub use manoeuvre::{Driver, Manoeuvre, Site};
-pub use quantities::{Goal, Reached};
+pub use quantities::{Goal, GoalStatus};
 pub use target::Target;
 
 use indicatif::ProgressBar;
@@ -29,48 +29,48 @@ use crate::identify::run::in_order_of_time;
 use crate::log::{BodyAxes, Log};
 use crate::sim::ErrorModel;
 
-/// White noise gives in half the logarithm of time. What falls less than this part of that has
-/// come to what is not noise.
-const OF_WHITE: f64 = 0.5;
-/// Part of what has been driven that is added in one step at least: less moves a sigma by less than
-/// chance does. After a log the first steps are of what has been driven since.
-const STEP: f64 = 0.2;
-/// Steps of one manoeuvre that are tried in a row, more only if fewer help nowhere: twice the drive
-/// shows whatever ever will.
-const AHEAD: [u32; 3] = [1, 2, 5];
-/// To have no solution is worse than anything that is not known, in nepers.
-const NO_SOLUTION: f64 = 1e3;
+/// With white noise the logarithm of sigma falls by half of that of time. A sigma that falls by less
+/// than this part of it is limited by something else.
+const PART_OF_WHITE: f64 = 0.5;
+/// Shortest step, as a part of the drive so far: a shorter one changes a sigma by less than its scatter.
+/// After a log the first steps are parts of the drive since.
+const MIN_STEP: f64 = 0.2;
+/// Steps of one manoeuvre that are tried in a row, more only if fewer do not help: five double the
+/// drive, which shows any gain that is possible.
+const LOOKAHEAD: [u32; 3] = [1, 2, 5];
+/// Cost of a unit without a solution, above that of any sigma, in nepers.
+const NO_SOLUTION_PENALTY: f64 = 1e3;
 
-/// A manoeuvre of the plan, how often in a row, and what is known after it.
+/// A manoeuvre of the plan, its repetitions, and the sigmas after it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stage {
     pub manoeuvre: Manoeuvre,
     pub times: u32,
     /// Since the drive began, s.
     pub end_s: f64,
-    pub reached: Vec<Reached>,
+    pub reached: Vec<GoalStatus>,
 }
 
 /// A quantity that the plan does not bring to its target, and why.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unreached {
     #[serde(flatten)]
-    pub last: Reached,
+    pub last: GoalStatus,
     pub why: String,
 }
 
 #[derive(Clone, Debug, Serialize)]
 pub struct Plan {
-    pub before: Vec<Reached>,
+    pub before: Vec<GoalStatus>,
     pub stages: Vec<Stage>,
     pub unreached: Vec<Unreached>,
-    /// As driven, the first exactly.
+    /// The units at the end, the first driven exactly.
     #[serde(skip)]
-    pub end: Vec<Bench>,
+    pub end: Vec<DrivenUnit>,
 }
 
-/// Units side by side. The core holds GNSS for coloured in some and for white in others, and their
-/// sigmas then differ by a factor of two: so many that a mean of both is good to some 15 %.
+/// Units in parallel. The core takes GNSS noise as coloured in some and as white in others, and their
+/// sigmas then differ by a factor of two: with so many the mean is good to some 15 %.
 pub const UNITS: u64 = 10;
 
 impl Target {
@@ -79,13 +79,13 @@ impl Target {
         let model = self.error_model()?;
         let config = self.config(&model)?;
         let start = drives(seed, |seed, driver| {
-            Bench::switched_on(self, &model, config, seed, driver)
+            DrivenUnit::switched_on(self, &model, config, seed, driver)
         })?;
         let (target, axes) = (self, self.unit.body_axes);
         Ok(Search { target, axes }.plan(start, progress))
     }
 
-    /// The core at the end of a log, with what `[config]` says.
+    /// The core at the end of a log, configured with `[config]`.
     pub fn navigator_after(&self, analysis: &Analysis) -> Result<Navigator> {
         let config = self.with_config(analysis.found.config)?;
         let mut navigator = Navigator::new(config).map_err(unusable)?;
@@ -95,7 +95,7 @@ impl Target {
         Ok(navigator)
     }
 
-    /// What a log lacks at whose end the core is, of a unit of that model.
+    /// Plan of a drive in addition to a log, at the end of which the core is.
     pub fn added_to(
         &self,
         log: &Log,
@@ -107,15 +107,15 @@ impl Target {
         let (duration_s, imu_hz) = (log.duration_s(), log.imu_rate_hz());
         let start = drives(seed, |seed, driver| {
             let so_far = (navigator.clone(), duration_s);
-            Bench::after(so_far, model, imu_hz, seed, driver)
+            DrivenUnit::after(so_far, model, imu_hz, seed, driver)
         })?;
         let (target, axes) = (self, log.meta.body_axes);
         Ok(Search { target, axes }.plan(start, progress))
     }
 }
 
-/// One that drives exactly, and others.
-fn drives(seed: u64, drive: impl Fn(u64, Driver) -> Result<Bench>) -> Result<Vec<Bench>> {
+/// One unit driven exactly, the others with scatter.
+fn drives(seed: u64, drive: impl Fn(u64, Driver) -> Result<DrivenUnit>) -> Result<Vec<DrivenUnit>> {
     let driver = |unit| match unit {
         0 => Driver::exact(),
         _ => Driver::human(seed.wrapping_add(unit)),
@@ -126,7 +126,7 @@ fn drives(seed: u64, drive: impl Fn(u64, Driver) -> Result<Bench>) -> Result<Vec
         .collect()
 }
 
-/// What is searched for, the axes of the unit being these.
+/// Search for a plan, and the axes of the unit.
 #[derive(Clone, Copy, Debug)]
 struct Search<'a> {
     target: &'a Target,
@@ -134,7 +134,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn plan(&self, start: Vec<Bench>, progress: &ProgressBar) -> Plan {
+    fn plan(&self, start: Vec<DrivenUnit>, progress: &ProgressBar) -> Plan {
         let before = self.reached(&start);
         let mut plan = Plan {
             before,
@@ -160,68 +160,68 @@ impl Search<'_> {
         plan
     }
 
-    /// What is driven next; none if nothing helps.
-    fn next(&self, from: &[Bench]) -> Option<Tried> {
+    /// The next manoeuvre; none if nothing helps.
+    fn next(&self, from: &[DrivenUnit]) -> Option<Trial> {
         let site = &self.target.site.manoeuvres;
         let longest_s = 60.0 * self.target.site.longest_minutes;
         if seconds(from) == 0.0 && site.contains(&Manoeuvre::Stand) && aligning(from) {
             // Level and gyros are best found at rest, and a car stands anyway.
             return self.tried(from, &[Manoeuvre::Stand], 1, longest_s).pop();
         }
-        AHEAD
+        LOOKAHEAD
             .into_iter()
             .find_map(|steps| self.best(from, self.tried(from, site, steps, longest_s)))
     }
 
-    fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
+    fn reached(&self, drives: &[DrivenUnit]) -> Vec<GoalStatus> {
         let of = |goal: &Goal| goal.reached(navigators(drives), self.axes);
         self.target.goals.iter().map(of).collect()
     }
 
-    fn missing(&self, drives: &[Bench]) -> f64 {
-        let missing: f64 = self.reached(drives).iter().map(Reached::missing).sum();
+    fn missing(&self, drives: &[DrivenUnit]) -> f64 {
+        let missing: f64 = self.reached(drives).iter().map(GoalStatus::missing).sum();
         let unsolved = drives.iter().filter(|drive| drive.is_aligning()).count();
-        missing + NO_SOLUTION * unsolved as f64
+        missing + NO_SOLUTION_PENALTY * unsolved as f64
     }
 
-    /// Each manoeuvre on copies, so many steps of it, as far as they end by a time; what does not
-    /// fit at all is left out.
+    /// Each manoeuvre simulated on copies, for some steps, as long as they end by a time; those that do
+    /// not fit at all are left out.
     fn tried(
         &self,
-        from: &[Bench],
+        from: &[DrivenUnit],
         manoeuvres: &[Manoeuvre],
         steps: u32,
         longest_s: f64,
-    ) -> Vec<Tried> {
+    ) -> Vec<Trial> {
         let site = &self.target.site;
         manoeuvres
             .par_iter()
             .filter_map(|manoeuvre| {
                 let (first, others) = from.split_first()?;
-                // What a log lacks a single manoeuvre may show; whether nothing more helps only
-                // one as long as the log can tell.
+                // A single manoeuvre may suffice after a log; that nothing more helps only one as
+                // long as the log can show.
                 let driven_s = match steps {
                     1 => first.seconds(),
-                    _ => first.known_seconds(),
+                    _ => first.total_seconds(),
                 };
-                let least_s = f64::from(steps) * STEP * driven_s;
+                let least_s = f64::from(steps) * MIN_STEP * driven_s;
                 let mut times = 0;
                 let mut ahead = first.clone();
-                let is_less = |ahead: &Bench, times: u32| {
+                let is_less = |ahead: &DrivenUnit, times: u32| {
                     times < steps || ahead.seconds() - first.seconds() < least_s
                 };
                 while is_less(&ahead, times) && ahead.seconds_after(*manoeuvre, site) <= longest_s {
                     ahead.drive(*manoeuvre, site);
                     times += 1;
                 }
-                let again = |bench: &Bench| {
+                let again = |bench: &DrivenUnit| {
                     let mut bench = bench.clone();
                     (0..times).for_each(|_| bench.drive(*manoeuvre, site));
                     bench
                 };
-                let mut drives: Vec<Bench> = others.par_iter().map(again).collect();
+                let mut drives: Vec<DrivenUnit> = others.par_iter().map(again).collect();
                 drives.insert(0, ahead);
-                let tried = Tried {
+                let tried = Trial {
                     manoeuvre: *manoeuvre,
                     times,
                     drives,
@@ -231,15 +231,16 @@ impl Search<'_> {
             .collect()
     }
 
-    /// The one that brings most in its time; none if all that is missing falls no more.
-    fn best(&self, from: &[Bench], tried: Vec<Tried>) -> Option<Tried> {
+    /// The one with the highest gain per time; none if no sigma above its target still falls.
+    fn best(&self, from: &[DrivenUnit], tried: Vec<Trial>) -> Option<Trial> {
         let (before, reached) = (self.missing(from), self.reached(from));
-        let helps = |drives: &[Bench]| {
-            let falls =
-                |(was, is): (&Reached, &Reached)| !was.is_met() && falls(was, is, from, drives);
+        let helps = |drives: &[DrivenUnit]| {
+            let falls = |(was, is): (&GoalStatus, &GoalStatus)| {
+                !was.is_met() && falls(was, is, from, drives)
+            };
             aligning(from) || reached.iter().zip(&self.reached(drives)).any(falls)
         };
-        let rate = |tried: &Tried| {
+        let rate = |tried: &Trial| {
             (before - self.missing(&tried.drives)) / (seconds(&tried.drives) - seconds(from))
         };
         tried
@@ -249,29 +250,29 @@ impl Search<'_> {
     }
 }
 
-/// A manoeuvre, how often, and what it has come to.
-struct Tried {
+/// A manoeuvre that was tried, its repetitions, and the units after it.
+struct Trial {
     manoeuvre: Manoeuvre,
     times: u32,
-    drives: Vec<Bench>,
+    drives: Vec<DrivenUnit>,
 }
 
-pub fn navigators(drives: &[Bench]) -> impl Iterator<Item = &Navigator> {
+pub fn navigators(drives: &[DrivenUnit]) -> impl Iterator<Item = &Navigator> {
     drives.iter().map(|drive| &drive.navigator)
 }
 
 /// How long the first has been driven, s.
-pub fn seconds(drives: &[Bench]) -> f64 {
-    drives.first().map_or(0.0, Bench::seconds)
+pub fn seconds(drives: &[DrivenUnit]) -> f64 {
+    drives.first().map_or(0.0, DrivenUnit::seconds)
 }
 
-fn aligning(drives: &[Bench]) -> bool {
-    drives.iter().any(Bench::is_aligning)
+fn aligning(drives: &[DrivenUnit]) -> bool {
+    drives.iter().any(DrivenUnit::is_aligning)
 }
 
-/// Whether a sigma falls as what is noise does, or begins to stand on data.
-fn falls(was: &Reached, is: &Reached, from: &[Bench], to: &[Bench]) -> bool {
-    let known_s = |drives: &[Bench]| drives.first().map_or(0.0, Bench::known_seconds);
+/// Whether a sigma falls as with white noise, or the quantity becomes observable.
+fn falls(was: &GoalStatus, is: &GoalStatus, from: &[DrivenUnit], to: &[DrivenUnit]) -> bool {
+    let known_s = |drives: &[DrivenUnit]| drives.first().map_or(0.0, DrivenUnit::total_seconds);
     let white = 0.5 * libm::log(known_s(to) / known_s(from).max(1.0));
-    (is.observable && !was.observable) || libm::log(was.sigma / is.sigma) > OF_WHITE * white
+    (is.observable && !was.observable) || libm::log(was.sigma / is.sigma) > PART_OF_WHITE * white
 }

@@ -1,4 +1,4 @@
-//! What a plan looks like: tables, a page with the route, and text for the driver.
+//! Output of a plan: tables, a page with the route, and text for the driver.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use ins_core::Solution;
 use miette::Result;
 use serde::Serialize;
 
-use super::{Bench, Manoeuvre, Plan, Reached, Site, Stage, Unreached, seconds};
+use super::{DrivenUnit, GoalStatus, Manoeuvre, Plan, Site, Stage, Unreached, seconds};
 use crate::aircraft::pictures::track;
 use crate::page::chart::{Chart, MOST_POINTS, Point, sampled};
 use crate::page::html::{Page, REPORT, Section};
@@ -55,7 +55,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// The last word first.
+    /// The result: whether the target is reached, and what is not.
     fn outcome(&self) -> Vec<String> {
         let added = if self.log.is_some() { " more" } else { "" };
         let minutes = format!("{:.1} min{added}", self.minutes);
@@ -94,7 +94,7 @@ impl<'a> Report<'a> {
             };
             header.extend(places.iter().map(named));
             let wanted = places.iter().map(|place| before[*place].target.to_string());
-            let row = |name: String, end_s: f64, reached: &[Reached]| {
+            let row = |name: String, end_s: f64, reached: &[GoalStatus]| {
                 let cells = places.iter().map(|place| shown(&reached[*place]));
                 let minutes = format!("{:.1}", end_s / 60.0);
                 [name, minutes].into_iter().chain(cells).collect()
@@ -187,7 +187,7 @@ impl<'a> Report<'a> {
         chart
     }
 
-    /// How far every sigma is from its target.
+    /// Every sigma over its target.
     fn course(&self) -> Chart {
         let end_s = 60.0 * self.minutes;
         let title = "Sigma over what is wanted";
@@ -197,7 +197,7 @@ impl<'a> Report<'a> {
         ends.extend(stages.iter().map(|stage| (stage.end_s, &stage.reached)));
         let mut all: Vec<f64> = vec![1.0];
         for place in 0..before.len() {
-            let ratio = |reached: &Reached| reached.sigma / reached.target;
+            let ratio = |reached: &GoalStatus| reached.sigma / reached.target;
             let points: Vec<Point> = ends
                 .iter()
                 .map(|(s, now)| (*s, ratio(&now[place])))
@@ -221,7 +221,7 @@ fn times(stage: &Stage, before: &str, after: &str) -> String {
     }
 }
 
-fn shown(reached: &Reached) -> String {
+fn shown(reached: &GoalStatus) -> String {
     let sigma = brief(reached.sigma);
     match (reached.is_met(), reached.observable) {
         (true, _) => sigma + "*",
@@ -230,7 +230,7 @@ fn shown(reached: &Reached) -> String {
     }
 }
 
-/// What the one that drives exactly has driven.
+/// True motion of the unit that is driven exactly.
 fn driven(plan: &Plan) -> &[Solution] {
-    plan.end.first().map_or(&[], Bench::truth)
+    plan.end.first().map_or(&[], DrivenUnit::truth)
 }

@@ -1,4 +1,4 @@
-//! What may be wanted of a drive.
+//! Quantities that may be the goal of a drive.
 
 use core::f64::consts::PI;
 
@@ -10,7 +10,7 @@ use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2, Quantity as Known};
 use crate::log::BodyAxes;
 use crate::statistics::rms;
 
-/// Quantities of one kind; the key says the unit.
+/// Quantities of one kind; the key names the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Kind {
     Azimuth,
@@ -74,14 +74,14 @@ impl Quantity {
         self.kind.entry().3
     }
 
-    /// What is known of it, in its unit, the unit's axes being these.
+    /// Estimate of it, in its unit, for these axes of the unit.
     pub fn known(self, estimates: &Estimates, axes: BodyAxes) -> Known {
         let (component, sign) = axes.rfu_component(self.axis);
         let (estimate, sign) = match self.kind {
             Kind::Azimuth => (&estimates.azimuth_error_rad, 1.0),
             Kind::AccelBias => (&estimates.accel_bias_mps2[component], sign),
             Kind::GyroBias => (&estimates.gyro_bias_radps[component], sign),
-            // As `identify` states it: the mean, where clocks drift apart.
+            // As `identify` states it: the mean, where the clocks drift.
             Kind::Latency => (&estimates.gnss_latency_s, 1.0),
             Kind::LeverArm => (&estimates.lever_arm_m[component], sign),
             Kind::AccelScale => (&estimates.accel_scale[component], 1.0),
@@ -102,7 +102,7 @@ pub struct Goal {
 
 /// A quantity at some time, against its goal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Reached {
+pub struct GoalStatus {
     pub quantity: String,
     pub unit: &'static str,
     pub sigma: f64,
@@ -111,15 +111,15 @@ pub struct Reached {
 }
 
 impl Goal {
-    /// How it stands on several drives alike: RMS of their sigmas, and shown if by all.
+    /// Status over several drives: RMS of their sigmas, observable if it is in all.
     pub fn reached<'a>(
         &self,
         drives: impl Iterator<Item = &'a Navigator>,
         axes: BodyAxes,
-    ) -> Reached {
+    ) -> GoalStatus {
         let known = |drive: &Navigator| self.quantity.known(&drive.estimates(), axes);
         let known: Vec<Known> = drives.map(known).collect();
-        Reached {
+        GoalStatus {
             quantity: self.quantity.name(),
             unit: self.quantity.unit(),
             sigma: rms(known.iter().map(|known| known.sigma)),
@@ -129,24 +129,24 @@ impl Goal {
     }
 }
 
-/// Left of what is as sharp as wanted and yet does not stand on data, nepers; and of what is much sharper.
-const NOT_SHOWN: f64 = 1.0;
-const NOT_SHOWN_AT_ALL: f64 = 1e-3;
+/// Cost of a quantity that is not observable, its sigma being as wanted, nepers; and least, of a much smaller one.
+const UNOBSERVABLE: f64 = 1.0;
+const UNOBSERVABLE_LEAST: f64 = 1e-3;
 
-impl Reached {
-    /// A value that does not stand on data is not given, whatever its sigma.
+impl GoalStatus {
+    /// An unobservable value is not given, whatever its sigma.
     pub fn is_met(&self) -> bool {
         self.observable && self.sigma <= self.target
     }
 
-    /// What is left to be known, in nepers.
+    /// Cost of the goal: logarithm of sigma over target, in nepers.
     pub fn missing(&self) -> f64 {
         let left = libm::log(self.sigma / self.target);
         if self.observable {
             left.max(0.0)
         } else {
-            // Never nothing, and less with every bit that the sigma falls.
-            (NOT_SHOWN + left).max(NOT_SHOWN_AT_ALL * self.sigma / self.target)
+            // Always positive, and falls with the sigma.
+            (UNOBSERVABLE + left).max(UNOBSERVABLE_LEAST * self.sigma / self.target)
         }
     }
 }

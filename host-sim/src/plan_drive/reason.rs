@@ -1,31 +1,31 @@
-//! Why a quantity does not come to its target.
+//! Why a quantity does not reach its target.
 
 use super::quantities::{Goal, Kind};
 use super::{
-    AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, aligning, falls, navigators,
-    seconds,
+    DrivenUnit, GoalStatus, LOOKAHEAD, Manoeuvre, Search, Trial, Unreached, aligning, falls,
+    navigators, seconds,
 };
 use crate::log::GRAVITY_MPS2;
 use crate::page::digits;
 
-/// A manoeuvre that the site does not allow is worth a word if it brings a sigma below this part of
-/// what the site's own do.
-const WORTH: f64 = 0.8;
-/// What is as large as this part of a sigma holds it up.
-const OF_FLOOR: f64 = 0.5;
+/// A manoeuvre that the site does not allow is mentioned if it brings a sigma below this part of that
+/// by the allowed ones.
+const MENTION_RATIO: f64 = 0.8;
+/// An effect as large as this part of a sigma is taken as its floor.
+const PART_OF_FLOOR: f64 = 0.5;
 
 impl Search<'_> {
-    pub(super) fn unreached(&self, end: &[Bench]) -> Vec<Unreached> {
+    pub(super) fn unreached(&self, end: &[DrivenUnit]) -> Vec<Unreached> {
         let last = self.reached(end);
-        if last.iter().all(Reached::is_met) {
+        if last.iter().all(GoalStatus::is_met) {
             return Vec::new();
         }
         let longest_s = f64::INFINITY;
-        let own = self.tried(end, &self.target.site.manoeuvres, AHEAD[1], longest_s);
+        let own = self.tried(end, &self.target.site.manoeuvres, LOOKAHEAD[1], longest_s);
         let forbidden: Vec<Manoeuvre> = Manoeuvre::all()
             .filter(|manoeuvre| !self.target.site.manoeuvres.contains(manoeuvre))
             .collect();
-        let other = self.tried(end, &forbidden, AHEAD[1], longest_s);
+        let other = self.tried(end, &forbidden, LOOKAHEAD[1], longest_s);
         let each = last.into_iter().enumerate();
         each.filter(|(_, reached)| !reached.is_met())
             .map(|(which, last)| {
@@ -38,21 +38,21 @@ impl Search<'_> {
     fn why<'t>(
         &self,
         which: usize,
-        last: &Reached,
-        end: &[Bench],
-        own: &'t [Tried],
-        other: &'t [Tried],
+        last: &GoalStatus,
+        end: &[DrivenUnit],
+        own: &'t [Trial],
+        other: &'t [Trial],
     ) -> String {
         let after =
-            |drives: &[Bench]| self.target.goals[which].reached(navigators(drives), self.axes);
-        let least = |tried: &'t [Tried]| {
+            |drives: &[DrivenUnit]| self.target.goals[which].reached(navigators(drives), self.axes);
+        let least = |tried: &'t [Trial]| {
             let each = tried.iter().map(|one| (one, after(&one.drives).sigma));
             each.min_by(|a, b| a.1.total_cmp(&b.1))
         };
         if aligning(end) {
             let shown = other.iter().filter(|tried| !aligning(&tried.drives));
             let soonest =
-                |a: &&Tried, b: &&Tried| seconds(&a.drives).total_cmp(&seconds(&b.drives));
+                |a: &&Trial, b: &&Trial| seconds(&a.drives).total_cmp(&seconds(&b.drives));
             return match shown.min_by(soonest) {
                 Some(shows) => format!(
                     "the site does not allow what shows it: level and heading are found in {:.1} min \
@@ -67,7 +67,7 @@ impl Search<'_> {
         }
         let own_least = least(own).map_or(last.sigma, |(_, sigma)| sigma);
         if let Some((shows, sigma)) = least(other)
-            && sigma < WORTH * own_least
+            && sigma < MENTION_RATIO * own_least
         {
             return format!(
                 "the site does not allow what shows it: {:.1} min of {} would bring it to {} {}",
@@ -77,7 +77,7 @@ impl Search<'_> {
                 last.unit
             );
         }
-        let falling = |tried: &&Tried| falls(last, &after(&tried.drives), end, &tried.drives);
+        let falling = |tried: &&Trial| falls(last, &after(&tried.drives), end, &tried.drives);
         if let Some(tried) = own.iter().find(falling) {
             let manoeuvre = tried.manoeuvre.name();
             if last.sigma <= last.target {
@@ -85,7 +85,7 @@ impl Search<'_> {
                     "it still falls as noise does, and {manoeuvre} would show it in the end"
                 );
             }
-            let known_s = end.first().map_or(0.0, Bench::known_seconds);
+            let known_s = end.first().map_or(0.0, DrivenUnit::total_seconds);
             let needed_s = (last.sigma / last.target).powi(2) * known_s;
             return format!(
                 "it still falls as noise does; {manoeuvre} alone would take some {:.0} min more, if that \
@@ -96,8 +96,8 @@ impl Search<'_> {
         Self::floor(&self.target.goals[which], last, end)
     }
 
-    /// What a sigma comes to that falls no more.
-    fn floor(goal: &Goal, last: &Reached, end: &[Bench]) -> String {
+    /// Reason of a sigma that no longer falls.
+    fn floor(goal: &Goal, last: &GoalStatus, end: &[DrivenUnit]) -> String {
         let Some(first) = end.first() else {
             return String::new();
         };
@@ -110,12 +110,12 @@ impl Search<'_> {
         let sigma_mps2 = last.sigma * goal.quantity.si();
         let walks = "its bias wanders, and what is left is what it does meanwhile";
         let text = match goal.quantity.kind {
-            Kind::AccelBias if by_axes > OF_FLOOR * sigma_mps2 => {
+            Kind::AccelBias if by_axes > PART_OF_FLOOR * sigma_mps2 => {
                 "at one attitude of the mount a bias and a misalignment are one number: turn the \
                  unit over on a bench, or configure no misalignment if a compensation is all that \
                  it is for"
             }
-            Kind::AccelBias if by_scale > OF_FLOOR * sigma_mps2 => {
+            Kind::AccelBias if by_scale > PART_OF_FLOOR * sigma_mps2 => {
                 "the unit is tilted, and at one tilt a bias and what the scale errors of the gyros \
                  tip in turns are one number: mount it level, or calibrate the gyros"
             }

@@ -1,4 +1,4 @@
-//! Target files: what is wanted, of which unit, and what the site allows.
+//! Target files: the goals, the unit, and what the site allows.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub struct Target {
     text: String,
 }
 
-/// The unit and its place in the vehicle.
+/// The unit and its mounting in the vehicle.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Unit {
@@ -42,7 +42,7 @@ pub struct Unit {
     /// Preset of the core, if the sensors are a file.
     pub class: Option<Grade>,
     pub body_axes: BodyAxes,
-    /// How its axes are turned against those of the vehicle.
+    /// Attitude of its axes against those of the vehicle.
     pub roll_deg: f64,
     pub pitch_deg: f64,
     pub heading_deg: f64,
@@ -217,7 +217,7 @@ impl Target {
         (model.with(&self.errors)).map_err(|error| self.refused("[errors", &error.to_string()))
     }
 
-    /// An error in a section: where a key is set that the message names, or else at its head.
+    /// An error in a section: at the key that the message names, or else at the section's head.
     fn refused(&self, section: &str, message: &str) -> InputError {
         let head = self.text.find(section).unwrap_or(0);
         let text = &self.text[head..];
@@ -234,8 +234,8 @@ impl Target {
         source.error(head + place.unwrap_or(0), format!("{section}]: {message}"))
     }
 
-    /// What the core is told of such a unit: the preset of its class, that the antenna is not known
-    /// if there is an arm to it, and what `[config]` says.
+    /// Configuration of the core for such a unit: the preset of its class, an unknown lever arm if there
+    /// is one, and `[config]`.
     pub fn config(&self, model: &ErrorModel) -> Result<Config> {
         let grade = self.unit.grade().ok_or_else(|| {
             miette!(
@@ -251,7 +251,7 @@ impl Target {
         self.with_config(config)
     }
 
-    /// Such a configuration for what is wanted, and with what `[config]` says.
+    /// A configuration adapted to the goals, and with `[config]`.
     pub fn with_config(&self, mut config: Config) -> Result<Config> {
         if (self.goals.iter()).any(|goal| goal.quantity.kind == Kind::LeverArm) {
             let_antenna_be_unknown(&mut config);

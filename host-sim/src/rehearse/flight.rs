@@ -1,4 +1,4 @@
-//! One seeded flight with its sensors, what an algorithm under test is told, and what it answers.
+//! One seeded flight with its sensors, a priori data for the algorithm under test, and its solutions.
 
 use std::time::Duration;
 
@@ -19,14 +19,14 @@ use crate::sim::noise::Random;
 use crate::sim::recorded::RecordedNoise;
 use crate::sim::{ErrorModel, SimulatedDrive, record_with};
 
-/// What an algorithm under test is told of where it begins, one sigma each; heading is the model's.
+/// Errors of the initial solution given to the algorithm, one sigma each; the heading's is the model's.
 pub const START_POSITION_M: f64 = 5.0;
 pub const START_VELOCITY_MPS: f64 = 0.5;
 pub const START_LEVEL_DEG: f64 = 1.0;
 
 /// The aircraft, its plan, and how flights of it are recorded.
 #[derive(Clone, Debug)]
-pub struct World {
+pub struct Scenario {
     dynamics: Dynamics,
     plan: Plan,
     /// Of every flight, s.
@@ -37,14 +37,14 @@ pub struct World {
 }
 
 #[derive(Clone, Debug)]
-pub struct Flown {
+pub struct FlightData {
     /// Readings, fixes, and the truth at the start and whenever a solution is asked for.
     pub run: SimulatedDrive,
-    /// Where an algorithm is told that it begins; the heading is `run.given_heading_rad`.
+    /// Initial solution given to the algorithm; the heading is `run.given_heading_rad`.
     pub start: Solution,
 }
 
-impl World {
+impl Scenario {
     /// Flies the plan once: all flights last as long as this one.
     pub fn new(
         dynamics: Dynamics,
@@ -72,9 +72,9 @@ impl World {
         seed: u64,
         model: &ErrorModel,
         noise: Option<&RecordedNoise>,
-    ) -> Result<Flown, FlightError> {
+    ) -> Result<FlightData, FlightError> {
         let flight = Flight::new(&self.dynamics, &self.plan, seed)?;
-        // Flown once without sensors: what cannot be flown must not end as a figure.
+        // Flown once without sensors: a flight that cannot be flown must not give a result.
         flight.check_duration(self.duration_s)?;
         let mut errors = model.clone();
         errors.gnss.outages.push(Outage {
@@ -92,18 +92,18 @@ impl World {
         };
         let mut run = record_with(flight, &recording, noise);
         if loses {
-            run.truth = where_asked(&run, self.imu_hz as usize);
+            run.truth = truth_at_asks(&run, self.imu_hz as usize);
         }
-        Ok(Flown {
-            start: told_start(&run.truth[0], run.given_heading_rad, seed),
+        Ok(FlightData {
+            start: initial_solution(&run.truth[0], run.given_heading_rad, seed),
             run,
         })
     }
 }
 
-/// Of a truth for every sample the first, and one for each second: under the stamp of the last sample there is
-/// by then, or of the first of all.
-fn where_asked(run: &SimulatedDrive, every: usize) -> Vec<Solution> {
+/// Of a truth for every sample the first, and one for each second: at the stamp of the last sample by then,
+/// or of the first of all.
+fn truth_at_asks(run: &SimulatedDrive, every: usize) -> Vec<Solution> {
     let SimulatedDrive { imu, truth, .. } = run;
     let kept = |of_second: &Solution| {
         let by_then = imu.partition_point(|sample| sample.time <= of_second.time);
@@ -117,8 +117,8 @@ fn where_asked(run: &SimulatedDrive, every: usize) -> Vec<Solution> {
         .collect()
 }
 
-/// The start with the errors of what an alignment before it would have left.
-fn told_start(truth: &Solution, heading_rad: Option<f64>, seed: u64) -> Solution {
+/// The true start with the errors of an alignment before it.
+fn initial_solution(truth: &Solution, heading_rad: Option<f64>, seed: u64) -> Solution {
     let mut random = Random::stream(seed, "told start");
     let mut draw = |sigma: f64| sigma * Vector3::from(random.normal3());
     let [moved, speed] = [START_POSITION_M, START_VELOCITY_MPS].map(&mut draw);
@@ -136,36 +136,36 @@ fn told_start(truth: &Solution, heading_rad: Option<f64>, seed: u64) -> Solution
     }
 }
 
-impl Flown {
+impl FlightData {
     /// Samples and fixes as they arrive; a fix comes after the sample of its own stamp.
     pub fn events(&self) -> impl Iterator<Item = Event<'_>> {
         let arrivals = self.run.arrivals.iter().copied();
         merged_by_time(&self.run.imu, arrivals.zip(&self.run.gnss))
     }
 
-    /// The truth under the stamps of the samples with which a solution is asked for, once a second.
+    /// The truth at the samples after which a solution is asked for, once a second.
     pub fn asks(&self) -> &[Solution] {
         &self.run.truth[1..]
     }
 }
 
-// --- what it is told and answers ---
+// --- a priori data and answers ---
 
-/// What every algorithm under test is told of unit and receiver: the identified model, whatever
-/// model really flies.
+/// A priori data on unit and receiver for every algorithm under test: the identified model, whatever
+/// model is simulated.
 #[derive(Clone, Debug)]
-pub struct Told {
-    /// What the core is configured by.
+pub struct Apriori {
+    /// Preset of the core.
     pub grade: Grade,
     pub model: ErrorModel,
-    /// For an answer of a program, s.
+    /// Time limit for an answer of a program.
     pub limit: Duration,
 }
 
-/// What came of one flight: a solution for each time asked, where there is one.
+/// Results of one flight: a solution for each time asked, where there is one.
 #[derive(Clone, Debug)]
 pub struct Answers {
-    /// In the order of [`Flown::asks`].
+    /// In the order of [`FlightData::asks`].
     pub solutions: Result<Vec<Option<Solution>>, Failure>,
     pub took: Duration,
 }
@@ -185,7 +185,7 @@ impl Failure {
     }
 }
 
-/// What programs and boards do wrong.
+/// Failures of programs and boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Fault {
@@ -194,14 +194,14 @@ pub enum Fault {
     Crashed,
     Hung,
     Late,
-    /// What came is no answer to what was asked.
+    /// The answer does not match the request.
     Wrong,
-    /// Something was lost on the way to a board or back.
+    /// A message to or from a board was lost.
     Lost,
 }
 
 impl Fault {
-    /// In tables.
+    /// Name in tables.
     pub fn in_words(self) -> &'static str {
         match self {
             Self::Unusable => "unusable",
@@ -234,16 +234,16 @@ mod tests {
             { latitude_deg = 56.03, longitude_deg = 40.0 },
         ]";
 
-    /// A hole over a whole second and more, one over the end, and many lost between them.
+    /// A gap of more than a whole second, one at the end, and many lost samples between them.
     #[test]
     fn where_samples_are_lost_the_truth_is_that_of_those_asked_for() {
         let dynamics = Dynamics::new(&cessna172());
         let plan = Plan::parse(Path::new("round.toml"), ROUND, &dynamics).unwrap();
-        let world = World::new(dynamics, plan, 60.0, 50).unwrap();
+        let scenario = Scenario::new(dynamics, plan, 60.0, 50).unwrap();
         let ideal = ErrorModel::ideal();
         let mut model = ideal.clone();
         model.imu.dropped_fraction = 0.2;
-        let ends_s = world.duration_s - 0.1;
+        let ends_s = scenario.duration_s - 0.1;
         for start_s in [19.9, ends_s] {
             let duration_s = 2.5;
             model.imu.holes.push(Outage {
@@ -251,22 +251,22 @@ mod tests {
                 duration_s,
             });
         }
-        let flown = world.fly(3, &model, None).unwrap();
+        let flown = scenario.fly(3, &model, None).unwrap();
         let samples = &flown.run.imu;
         assert_eq!(
             flown.asks().len(),
-            crate::statistics::whole(world.duration_s)
+            crate::statistics::whole(scenario.duration_s)
         );
         assert_eq!(flown.asks()[19].time, flown.asks()[21].time);
         let recording = Recording {
             seed: 3,
-            duration_s: world.duration_s,
+            duration_s: scenario.duration_s,
             imu_hz: 50.0,
             truth_every: 1,
-            origin: world.plan.start.position,
+            origin: scenario.plan.start.position,
             errors: ideal,
         };
-        let flight = Flight::new(&world.dynamics, &world.plan, 3).unwrap();
+        let flight = Flight::new(&scenario.dynamics, &scenario.plan, 3).unwrap();
         let truth = record(flight, &recording).truth;
         for (second, ask) in (1_i64..).zip(flown.asks()) {
             let by_then = |time: ins_core::Time| time.as_micros() <= 1_000_000 * second;
@@ -276,18 +276,18 @@ mod tests {
         }
     }
 
-    /// It is over where it ends, and is not begun again.
+    /// It ends where the plan ends, and does not start again.
     #[test]
     fn a_rehearsed_flight_is_that_of_its_plan() {
         let dynamics = Dynamics::new(&cessna172());
         let plan = Plan::parse(Path::new("round.toml"), ROUND, &dynamics).unwrap();
-        let world = World::new(dynamics.clone(), plan.clone(), 60.0, 50).unwrap();
+        let scenario = Scenario::new(dynamics.clone(), plan.clone(), 60.0, 50).unwrap();
         for seed in [0, 1] {
             let model = ErrorModel::ideal();
-            let flown = world.fly(seed, &model, None).unwrap();
+            let flown = scenario.fly(seed, &model, None).unwrap();
             let recording = Recording {
                 seed,
-                duration_s: world.duration_s,
+                duration_s: scenario.duration_s,
                 imu_hz: 50.0,
                 truth_every: 50,
                 origin: plan.start.position,

@@ -1,9 +1,9 @@
-//! Rehearsals, the semi-natural test: recorded drives of a unit to its error model, flights of the
-//! user's plan with ideal readings and the errors of the model laid over them, and the algorithm
-//! under test over each: how accurate it will be in the air.
+//! Rehearsals (semi-natural testing): the error model of a unit is identified from recorded drives,
+//! flights of the user's plan are simulated with sensors of that model, and the algorithm under test
+//! is run over each: a prediction of its accuracy in the air.
 //!
-//! A flight is one line in a file that only grows: a rehearsal that was stopped goes on where it
-//! was, and shards lie side by side.
+//! A flight is one line in an append-only file: a rehearsal that was stopped resumes where it was, and
+//! shards write files of their own.
 
 pub(crate) mod flight;
 pub(crate) mod output;

@@ -1,4 +1,4 @@
-//! What a rehearsal writes and prints.
+//! Files and tables of a rehearsal.
 
 use std::path::Path;
 
@@ -6,8 +6,8 @@ use miette::Result;
 use serde::Serialize;
 
 use super::run::{Gnss, HEADING, POSITION, QUANTITIES};
-use super::settings::{Judged, Key};
-use super::summary::{BUDGETED, Cost, FEWEST_MODELS, Models, Moment, Row, Summary, Tested};
+use super::settings::{DriveVerdict, Key};
+use super::summary::{BUDGETED, BudgetLine, FEWEST_MODELS, Models, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
 use crate::page::html::{Page, REPORT, Section};
 use crate::page::output::replace;
@@ -15,19 +15,19 @@ use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
 use crate::page::table::{Table, cells, heads, titled};
 use crate::page::{self, digits, json};
 
-/// File names; the first says that a rehearsal is over.
+/// File names; the first marks a rehearsal as finished.
 pub const SUMMARY: &str = "rehearsal.json";
 const TABLE: &str = "errors.csv";
 const OVERVIEW: &str = "overview.md";
 const TIMES: &str = "times.json";
 
-/// Errors below are drawn here.
+/// Smaller errors are drawn at this value.
 const LEAST: f64 = 1e-3;
-/// Of the algorithms, in turn.
+/// Colours of the algorithms, in turn.
 const COLOURS: [plotters::style::RGBColor; 5] = [BLUE, ORANGE, GREEN, RED, GREY];
 
-/// Writes all files but the model's. Times stand apart: figures are the same to the bit when they are
-/// flown again.
+/// Writes all files but the model's. Times are in a file of their own: the others are the same to the bit
+/// when the flights are repeated.
 pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
     #[derive(Serialize)]
     struct Took<'a> {
@@ -67,7 +67,7 @@ fn csv(summary: &Summary) -> Result<String> {
             tested.with.clone(),
             noise.to_owned(),
             moment.time_s.to_string(),
-            u8::from(moment.gnss == Gnss::There).to_string(),
+            u8::from(moment.gnss == Gnss::Aided).to_string(),
         ];
         for errors in &moment.errors {
             match errors {
@@ -97,7 +97,7 @@ fn name(tested: &Tested) -> String {
 
 fn interval([low, high]: [f64; 2]) -> String {
     let width = 0.5 * (high - low);
-    // One flight tells nothing of others.
+    // One flight has no interval.
     if width <= 0.0 {
         return "-".to_owned();
     }
@@ -241,7 +241,7 @@ fn budget(summary: &Summary) -> Option<Table> {
         header.push(format!("{}, {}, {place}: alone", q.name, q.unit));
         header.push("without it".to_owned());
     }
-    let row = |cost: &Cost| {
+    let row = |cost: &BudgetLine| {
         let cell = |value: Option<f64>| value.map_or_else(String::new, shown);
         let mut row = vec![cost.source.unwrap_or("all").to_owned()];
         for (alone, without) in cost.alone.into_iter().zip(cost.without) {
@@ -292,9 +292,13 @@ pub fn readable(summary: &Summary) -> String {
     format!("{}\n\n{tables}\n", verdicts(summary).join("\n"))
 }
 
-/// First of all whether the drives are to be trusted.
+/// Whether the drives can be trusted.
 fn verdicts(summary: &Summary) -> Vec<String> {
-    summary.verdicts.iter().flat_map(Judged::lines).collect()
+    summary
+        .verdicts
+        .iter()
+        .flat_map(DriveVerdict::lines)
+        .collect()
 }
 
 /// The algorithms beside each other, in Markdown.

@@ -1,5 +1,5 @@
-//! Any program as the algorithm under test, through lines on its standard input and output;
-//! docs/rehearse.md has them.
+//! Any program as the algorithm under test, through lines on its standard input and output, as
+//! specified in docs/rehearse.md.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read};
@@ -21,7 +21,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::flight::{
-    Answers, Failure, Fault, Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS, Told,
+    Answers, Apriori, Failure, Fault, FlightData, START_LEVEL_DEG, START_POSITION_M,
+    START_VELOCITY_MPS,
 };
 use crate::compare::kalman::Noise;
 use crate::compare::kalman::noise::total;
@@ -29,20 +30,20 @@ use crate::hil::board::written_to;
 use crate::identify::run::Event;
 
 const VERSION: u32 = 1;
-/// A first line may take so many times the limit: interpreters and libraries are slow to load.
+/// Time for the first line, in limits: interpreters and libraries are slow to load.
 const START_LIMITS: u32 = 30;
-/// After so many times the limit an answer that is late is not waited for.
-const PATIENCE: u32 = 3;
-/// Longer lines are no answers.
+/// Time after which a late answer is no longer waited for, in limits.
+const LATE_LIMITS: u32 = 3;
+/// Longer lines are cut, and are no answers.
 const LONGEST_LINE: usize = 4096;
-/// Lines that may wait to be looked at.
+/// Capacity of the queue of lines read.
 const LINES_AHEAD: usize = 64;
-/// A program that closed its output is given so long to end.
-const PARTING: Duration = Duration::from_secs(1);
+/// Time for a program that closed its output to end.
+const EXIT_LIMIT: Duration = Duration::from_secs(1);
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Program {
-    /// What stands in tables.
+    /// Name in tables.
     pub name: String,
     pub command: Vec<String>,
 }
@@ -69,28 +70,28 @@ impl FromStr for Program {
 }
 
 impl Program {
-    /// Flies it; whatever it does, the flight ends.
-    pub fn fly(&self, flown: &Flown, told: &Told) -> Answers {
+    /// Runs it over a flight, which ends whatever the program does.
+    pub fn fly(&self, flown: &FlightData, apriori: &Apriori) -> Answers {
         let mut took = Duration::ZERO;
-        let solutions = Session::begin(self, flown, told)
-            .and_then(|session| session.fly(flown, told, &mut took));
+        let solutions = Session::begin(self, flown, apriori)
+            .and_then(|session| session.fly(flown, apriori, &mut took));
         Answers { solutions, took }
     }
 }
 
-/// Numbers of the programs that run.
+/// Process numbers of the programs that run.
 static RUNNING: Mutex<Vec<u32>> = Mutex::new(Vec::new());
 
 fn running() -> MutexGuard<'static, Vec<u32>> {
     RUNNING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Kills all programs that run, when this process is about to end: one that computes on and on would
-/// not see that its input is closed.
+/// Kills all programs that run, when this process is about to end: one in an endless computation would
+/// not notice that its input is closed.
 pub fn kill_all() {
     let running = running();
     running.iter().copied().for_each(kill_group);
-    // No other is begun.
+    // The lock stays held: no other program is started.
     std::mem::forget(running);
 }
 
@@ -107,15 +108,14 @@ fn kill_group(number: u32) {
     let _ = number;
 }
 
-/// A program that runs. It is killed when this goes, with all that it has started: a script may be
-/// what was named.
+/// A program that runs. It is killed on drop with all that it has started: it may be a script.
 struct Session {
     child: Child,
-    errors: Errors,
+    errors: StderrTail,
     requests: Sender<String>,
     lines: Receiver<String>,
     limit: Duration,
-    /// All answers come after the end: the program looks at the flight as a whole.
+    /// All answers come after the end: the program processes the flight as a whole (a smoother).
     after: bool,
     now_s: f64,
 }
@@ -137,7 +137,7 @@ fn unusable(cause: impl Into<String>) -> Failure {
 }
 
 impl Session {
-    fn begin(program: &Program, flown: &Flown, told: &Told) -> Result<Self, Failure> {
+    fn begin(program: &Program, flown: &FlightData, apriori: &Apriori) -> Result<Self, Failure> {
         let mut command = Command::new(&program.command[0]);
         command
             .args(&program.command[1..])
@@ -158,16 +158,16 @@ impl Session {
         };
         let mut session = Self {
             child,
-            errors: Errors::read_from(stderr),
+            errors: StderrTail::read_from(stderr),
             requests: written_to(stdin),
             lines: read_from(stdout),
-            limit: told.limit,
+            limit: apriori.limit,
             after: false,
             now_s: 0.0,
         };
-        session.send(greeting(flown, told));
-        let limit = START_LIMITS * told.limit;
-        let line = session.line(limit, PATIENCE * limit)?;
+        session.send(preamble(flown, apriori));
+        let limit = START_LIMITS * apriori.limit;
+        let line = session.line(limit, LATE_LIMITS * limit)?;
         session.after = match *line.split(',').collect::<Vec<_>>() {
             ["ready", "1"] => false,
             ["ready", "1", "after"] => true,
@@ -183,8 +183,8 @@ impl Session {
 
     fn fly(
         mut self,
-        flown: &Flown,
-        told: &Told,
+        flown: &FlightData,
+        apriori: &Apriori,
         took: &mut Duration,
     ) -> Result<Vec<Option<Solution>>, Failure> {
         let mut increments = None;
@@ -202,7 +202,7 @@ impl Session {
                 }
             };
             let (last, increments) = increments.get_or_insert_with(|| {
-                let increments = Increments::new(told.model.imu.output, &sample);
+                let increments = Increments::new(apriori.model.imu.output, &sample);
                 (flown.start.time, increments)
             });
             let seconds = sample.time.seconds_since(*last);
@@ -219,16 +219,16 @@ impl Session {
                 self.send(core::mem::take(&mut text));
                 if !self.after {
                     let start = Instant::now();
-                    let patience = PATIENCE * self.limit;
-                    solutions.push(self.answer(sample.time, self.limit, patience)?);
+                    let longest = LATE_LIMITS * self.limit;
+                    solutions.push(self.answer(sample.time, self.limit, longest)?);
                     *took += start.elapsed();
                 }
             }
         }
         self.send("end\n".to_owned());
         if self.after {
-            // The limit is of an answer; here of all of them together, and nothing beyond it is waited
-            // for: that may be an hour already.
+            // Here the limits of all answers apply to all of them together, without an extra time for
+            // late ones: they may be an hour already.
             let count = u32::try_from(asked.len()).unwrap_or(u32::MAX);
             let end = begin + count * self.limit;
             for time in asked {
@@ -242,7 +242,7 @@ impl Session {
     }
 
     fn send(&self, text: String) {
-        // A program that does not read any more is noticed by its silence.
+        // A program that has stopped reading is noticed by its missing answers.
         let _ = self.requests.send(text);
     }
 
@@ -250,11 +250,11 @@ impl Session {
         Failure::new(fault, self.now_s, cause)
     }
 
-    /// The next line of the program, if it comes in time; one that is late is waited for so long.
-    fn line(&mut self, limit: Duration, patience: Duration) -> Result<String, Failure> {
+    /// The next line of the program, if it comes within `limit`; a late one is waited for up to `longest`.
+    fn line(&mut self, limit: Duration, longest: Duration) -> Result<String, Failure> {
         let start = Instant::now();
-        let answer = self.lines.recv_timeout(patience);
-        // It may have left its output to a child that goes on.
+        let answer = self.lines.recv_timeout(longest);
+        // Its output may be held open by a child that still runs.
         if answer.is_err() && matches!(self.child.try_wait(), Ok(Some(_))) {
             return Err(self.ended());
         }
@@ -266,7 +266,7 @@ impl Session {
         match answer {
             Ok(line) if start.elapsed() <= limit => Ok(line),
             Ok(_) => Err(late(Fault::Late, "answered after", start.elapsed())),
-            Err(RecvTimeoutError::Timeout) => Err(late(Fault::Hung, "no answer in", patience)),
+            Err(RecvTimeoutError::Timeout) => Err(late(Fault::Hung, "no answer in", longest)),
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
         }
     }
@@ -277,7 +277,7 @@ impl Session {
         let status = loop {
             match self.child.try_wait() {
                 Ok(Some(status)) => break Some(status),
-                Ok(None) if start.elapsed() < PARTING => {
+                Ok(None) if start.elapsed() < EXIT_LIMIT => {
                     thread::sleep(Duration::from_millis(5));
                 }
                 _ => break None,
@@ -302,9 +302,9 @@ impl Session {
         &mut self,
         asked: Time,
         limit: Duration,
-        patience: Duration,
+        longest: Duration,
     ) -> Result<Option<Solution>, Failure> {
-        let line = self.line(limit, patience)?;
+        let line = self.line(limit, longest)?;
         parse(&line, asked).map_err(|expected| {
             let cause = format!("answered `{}`: {expected}", shown(&line));
             self.failure(Fault::Wrong, cause)
@@ -312,15 +312,15 @@ impl Session {
     }
 }
 
-/// The end of what a program writes on standard error, read on a thread of its own. The rest is not kept:
-/// one that complains without end must not fill a disk.
-struct Errors {
+/// The last output of a program on standard error, read on a thread of its own. The rest is not kept: an
+/// endless one must not fill a disk.
+struct StderrTail {
     last: Arc<Mutex<Vec<u8>>>,
     /// Nothing is sent; it is closed when all is read.
     all: Receiver<()>,
 }
 
-impl Errors {
+impl StderrTail {
     fn read_from(mut stderr: ChildStderr) -> Self {
         let last = Arc::<Mutex<Vec<u8>>>::default();
         let (reading, all) = channel();
@@ -340,7 +340,7 @@ impl Errors {
 
     /// The last line that is not empty, once the program has ended.
     fn last_line(&self) -> String {
-        let _ = self.all.recv_timeout(PARTING);
+        let _ = self.all.recv_timeout(EXIT_LIMIT);
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let text = String::from_utf8_lossy(&last);
         let line = text.lines().rfind(|line| !line.trim().is_empty());
@@ -348,7 +348,7 @@ impl Errors {
     }
 }
 
-/// Reads lines on a thread of its own: a program that does not write must not stop us.
+/// Reads lines on a thread of its own: a program that does not write must not block.
 fn read_from(stdout: ChildStdout) -> Receiver<String> {
     let (sender, lines) = sync_channel(LINES_AHEAD);
     thread::spawn(move || {
@@ -371,12 +371,12 @@ fn read_from(stdout: ChildStdout) -> Receiver<String> {
     lines
 }
 
-/// Without what would move the cursor or change the colours of whoever reads it in a table.
+/// Without control characters, which would move the cursor or change colours in a terminal.
 fn printable(text: &str) -> String {
     text.trim().replace(char::is_control, " ")
 }
 
-/// As much of a line as tells what it is.
+/// The beginning of a line, for messages.
 fn shown(line: &str) -> String {
     line.chars().take(80).collect()
 }
@@ -384,7 +384,7 @@ fn shown(line: &str) -> String {
 // --- lines to the program ---
 
 /// Right-forward-up to forward-right-down, east-north-up to north-east-down, and back.
-fn swapped(v: &Vector3<f64>) -> [f64; 3] {
+fn frd_or_ned(v: &Vector3<f64>) -> [f64; 3] {
     [v.y, v.x, -v.z]
 }
 
@@ -392,11 +392,11 @@ fn joined<const N: usize>(values: [f64; N]) -> String {
     values.map(|value| value.to_string()).join(",")
 }
 
-/// What is said before the flight begins.
-fn greeting(flown: &Flown, told: &Told) -> String {
-    let noise = Noise::of_model(&told.model);
+/// Lines sent before the flight.
+fn preamble(flown: &FlightData, apriori: &Apriori) -> String {
+    let noise = Noise::of_model(&apriori.model);
     let (sensors, gnss) = (&noise.sensors, &noise.gnss);
-    let [least, most] = told.model.gnss.latency_s;
+    let [least, most] = apriori.model.gnss.latency_s;
     let unit = [
         Vector3::from(sensors.gyro_noise).mean(),
         sensors.gyro_bias_radps,
@@ -415,7 +415,7 @@ fn greeting(flown: &Flown, told: &Told) -> String {
     let heading = |deg: f64| known.map_or(String::new(), |_| deg.to_string());
     format!(
         "rehearse,{VERSION},{}\nunit,{}\nstart,{},{},{},{},{},{}\n",
-        told.limit.as_secs_f64(),
+        apriori.limit.as_secs_f64(),
         joined(unit),
         joined([
             start.time.as_seconds(),
@@ -423,7 +423,7 @@ fn greeting(flown: &Flown, told: &Told) -> String {
             start.position.longitude_rad.to_degrees(),
             start.position.height_m,
         ]),
-        joined(swapped(&start.velocity_enu_mps)),
+        joined(frd_or_ned(&start.velocity_enu_mps)),
         joined([angles.roll_rad.to_degrees(), angles.pitch_rad.to_degrees()]),
         heading(angles.heading_rad.to_degrees()),
         joined([START_POSITION_M, START_VELOCITY_MPS, START_LEVEL_DEG]),
@@ -437,12 +437,12 @@ fn write_sample(text: &mut String, sample: &ImuSample, interval: &Interval) {
         "imu,{},{},{},{}",
         sample.time.as_seconds(),
         interval.seconds,
-        joined(swapped(&interval.angle_rad)),
-        joined(swapped(&interval.force_mps)),
+        joined(frd_or_ned(&interval.angle_rad)),
+        joined(frd_or_ned(&interval.force_mps)),
     );
 }
 
-/// What a fix does not have is left empty.
+/// Fields that a fix does not have are empty.
 fn write_fix(text: &mut String, fix: &GnssFix) {
     let cell = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     let cells = [
@@ -463,7 +463,7 @@ fn write_fix(text: &mut String, fix: &GnssFix) {
 
 // --- lines of the program ---
 
-/// A solution or `none`; what was expected if it is neither.
+/// A solution or `none`; the error says what was expected.
 fn parse(line: &str, asked: Time) -> Result<Option<Solution>, String> {
     let asked_s = asked.as_seconds();
     let is_asked = |time: f64| (time - asked_s).abs() < 1e-6;
@@ -511,7 +511,7 @@ fn solution(values: &[f64; 9], time: Time) -> Result<Solution, String> {
             longitude_rad: longitude_deg.to_radians(),
             height_m,
         },
-        velocity_enu_mps: swapped(&Vector3::new(north, east, down)).into(),
+        velocity_enu_mps: frd_or_ned(&Vector3::new(north, east, down)).into(),
         attitude: from_euler(&Euler {
             roll_rad: roll.to_radians(),
             pitch_rad: pitch.to_radians(),

@@ -1,8 +1,8 @@
-//! The proof on recorded drives: a model from some foretells the drift without GNSS on others.
+//! Validation on recorded drives: a model identified from some predicts the drift without GNSS on others.
 //!
-//! The motion of each other drive is simulated again with errors of the model, seed by seed, and the
-//! core goes over both, the recorded and the simulated. Outages are placed all along; drift is
-//! measured against the same core with GNSS, on either side.
+//! The motion of each other drive is simulated with errors of the model, seed by seed, and the core
+//! is run over both, the recorded and the simulated. Outages are placed throughout; drift is measured
+//! against the same core with GNSS, in both.
 
 use ins_core::{Config, ConfigError, GnssFix, ImuSample, Navigator, Phase, Solution, Time};
 use miette::Result;
@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::output::shown;
 use super::replay::Replay;
-use super::run::{HEADING, POSITION, QUANTITIES, sizes};
+use super::run::{HEADING, POSITION, QUANTITIES, solution_errors};
 use crate::compare::outage::{FIX_AGE_S, SETTLE_S, STRIDE_S};
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::interval::student;
@@ -23,13 +23,13 @@ use crate::sim::drive::Recording;
 use crate::sim::{ErrorModel, record};
 use crate::statistics::{mean_and_variance, rms};
 
-/// Since GNSS went, s.
+/// Times since the start of the outage, s.
 const HORIZONS_S: [f64; 3] = [10.0, 30.0, 60.0];
 /// A drive whose first fix is slower than this begins at rest, m/s.
-const STANDING_MPS: f64 = 0.5;
-/// Quantities that are foretold: position, velocity and attitude, level.
-const FORETOLD: [usize; 4] = [POSITION, 2, 4, HEADING];
-/// Goal: predicted over observed.
+const REST_SPEED_MPS: f64 = 0.5;
+/// Quantities that are predicted: horizontal position and velocity, roll and pitch, heading.
+const PREDICTED: [usize; 4] = [POSITION, 2, 4, HEADING];
+/// Goal of the ratio predicted over observed.
 const GOAL: [f64; 2] = [0.8, 1.25];
 
 /// One quantity on one drive after one time.
@@ -46,22 +46,23 @@ pub struct Row {
     /// RMS over all simulations.
     pub predicted: f64,
     pub ratio: f64,
-    /// What it would be in 95 % of drives of which the model is true, around itself.
+    /// Interval of it over 95 % of drives for which the model is true.
     pub ratio_95: [f64; 2],
 }
 
-/// Sizes of the errors of one outage at each horizon; none after the end of the log.
+/// Errors of one outage at each horizon; none after the end of the log.
 type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 
-/// None of a drive that never navigates, or where no outage fits, on it or on its simulations.
-pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
+/// Predicted and observed drift of a drive; empty if it never navigates, or if no outage fits in it or in its
+/// simulations.
+pub fn compare_drift(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let config = analysis.found.config;
     let imu = log.imu.all();
-    let of_log = |headed| drifts(&imu, &log.gnss, config, headed).map_err(unusable);
+    let of_log = |azimuth_known| drifts(&imu, &log.gnss, config, azimuth_known).map_err(unusable);
     let mut observed = of_log(true)?;
-    let headed = !observed.is_empty();
-    if !headed {
+    let azimuth_known = !observed.is_empty();
+    if !azimuth_known {
         observed = of_log(false)?;
     }
     let mut errors = model.clone();
@@ -84,20 +85,20 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
                 errors: errors.clone(),
             };
             let run = record(replay.clone(), &recording);
-            drifts(&run.imu, &run.gnss, config, headed)
+            drifts(&run.imu, &run.gnss, config, azimuth_known)
         })
         .collect::<Result<_, ConfigError>>()
         .map_err(unusable)?;
     let mut rows = Vec::new();
     for (horizon, &without_gnss_s) in HORIZONS_S.iter().enumerate() {
-        for quantity in FORETOLD {
+        for quantity in PREDICTED {
             let values = |drifts: &[Drift]| -> Vec<f64> {
                 let at = drifts.iter().filter_map(|drift| drift[horizon]);
-                at.map(|sizes| sizes[quantity].abs()).collect()
+                at.map(|errors| errors[quantity].abs()).collect()
             };
             let seen = values(&observed);
             let each: Vec<Vec<f64>> = simulated.iter().map(|drifts| values(drifts)).collect();
-            if let Some((predicted, within)) = foretold(&each)
+            if let Some((predicted, within)) = predicted_drift(&each)
                 && !seen.is_empty()
             {
                 let observed = rms(seen.iter().copied());
@@ -119,42 +120,42 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
     Ok(rows)
 }
 
-/// How long before the first solution a drive that begins at rest began, s.
+/// Time from the start of a drive that begins at rest to its first solution, s.
 fn rest_before_s(log: &Log, solutions: &[Solution]) -> f64 {
-    let stood = (log.gnss.first()).is_some_and(|fix| fix.speed_mps() < STANDING_MPS);
+    let stood = (log.gnss.first()).is_some_and(|fix| fix.speed_mps() < REST_SPEED_MPS);
     match (log.imu.first(), solutions.first()) {
         (Some(sample), Some(first)) if stood => first.time.seconds_since(sample.time),
         _ => 0.0,
     }
 }
 
-/// RMS over simulations, and between which logarithms of theirs over it 95 % lie; none of fewer than two
-/// with outages.
-fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, [f64; 2])> {
+/// RMS over simulations, and the 95 % interval of the logarithm of a drive's RMS over it; none of fewer than
+/// two with outages.
+fn predicted_drift(simulated: &[Vec<f64>]) -> Option<(f64, [f64; 2])> {
     let each: Vec<f64> = (simulated.iter())
         .filter(|values| !values.is_empty())
         .map(|values| rms(values.iter().copied()))
         .collect();
     let predicted = rms(each.iter().copied());
     let logarithms: Vec<f64> = each.iter().map(|one| libm::log(one / predicted)).collect();
-    // Below zero, for it is the large ones that make an RMS.
+    // The mean is below zero, since an RMS is dominated by the large ones.
     let (middle, variance) = mean_and_variance(&logarithms)?;
     let count = logarithms.len() as f64;
-    // Of one more drive, when so many were simulated.
+    // Prediction interval of one more drive.
     let half = student(count - 1.0) * (variance * (1.0 + 1.0 / count)).sqrt();
     Some((predicted, [middle - half, middle + half]))
 }
 
-/// The core through outages all along a drive, once it has settled and, unless it never does, knows its
-/// azimuth.
+/// Drift of the core in outages throughout a drive, once it has settled and, unless it never does, knows
+/// its azimuth.
 fn drifts(
     imu: &[ImuSample],
     gnss: &[GnssFix],
     config: Config,
-    headed: bool,
+    azimuth_known: bool,
 ) -> Result<Vec<Drift>, ConfigError> {
     let mut navigator = Navigator::new(config)?;
-    let (mut aided, mut blind): (Vec<Solution>, Vec<[Option<Solution>; 3]>) = Default::default();
+    let (mut aided, mut unaided): (Vec<Solution>, Vec<[Option<Solution>; 3]>) = Default::default();
     let (mut settling, mut last_fix, mut next) = (Settling::default(), None, None::<Time>);
     let mut samples = 0;
     for event in in_order_of_time(imu, gnss) {
@@ -169,24 +170,24 @@ fn drifts(
         if navigates {
             aided.extend(navigator.solution());
         }
-        let is_headed = || !headed || known(&navigator.estimates().azimuth_error_rad);
-        let settled = settling.at(sample.time, navigates, SETTLE_S, is_headed)
-            && is_headed()
+        let is_azimuth_known = || !azimuth_known || known(&navigator.estimates().azimuth_error_rad);
+        let settled = settling.at(sample.time, navigates, SETTLE_S, is_azimuth_known)
+            && is_azimuth_known()
             && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FIX_AGE_S);
         if settled && next.is_none_or(|next| sample.time >= next) {
-            blind.push(free(navigator.clone(), &imu[samples..], sample.time));
+            unaided.push(free(navigator.clone(), &imu[samples..], sample.time));
             next = Some(sample.time.plus_seconds(STRIDE_S));
         }
     }
     let against = |free: &Solution| {
         let at = aided.binary_search_by_key(&free.time, |solution| solution.time);
-        at.ok().map(|at| sizes(free, &aided[at]))
+        at.ok().map(|at| solution_errors(free, &aided[at]))
     };
     let drift = |ends: &[Option<Solution>; 3]| ends.map(|end| end.as_ref().and_then(against));
-    Ok(blind.iter().map(drift).collect())
+    Ok(unaided.iter().map(drift).collect())
 }
 
-/// Where it is at each horizon.
+/// Solution without GNSS at each horizon.
 fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>; 3] {
     let mut ends = [None; 3];
     let mut reached = 0;
@@ -206,7 +207,7 @@ fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>
 /// A row for each drive and time: predicted over observed, and what 95 % of drives would have.
 pub fn overview(rows: &[Row]) -> Table {
     let mut header = cells(["drive", "without GNSS, s", "outages"]);
-    header.extend(FORETOLD.map(|quantity| QUANTITIES[quantity].name.to_owned()));
+    header.extend(PREDICTED.map(|quantity| QUANTITIES[quantity].name.to_owned()));
     let of_one = |rows: &[Row]| {
         let mut cells = vec![
             rows[0].log.clone(),
@@ -220,7 +221,7 @@ pub fn overview(rows: &[Row]) -> Table {
         cells.extend(rows.iter().map(ratio));
         cells
     };
-    let all = rows.chunks(FORETOLD.len()).map(of_one);
+    let all = rows.chunks(PREDICTED.len()).map(of_one);
     Table::of("Predicted over observed drift", header, all)
 }
 
@@ -242,7 +243,7 @@ pub(crate) fn readable(rows: &[Row]) -> String {
     format!("{}\n{}\n", table.plain(), verdict(rows))
 }
 
-/// How many ratios are as they should be.
+/// How many ratios reach the goal, and how many intervals contain one.
 pub fn verdict(rows: &[Row]) -> String {
     let good = |row: &&Row| (GOAL[0]..=GOAL[1]).contains(&row.ratio);
     let honest = |row: &&Row| row.ratio_95[0] <= 1.0 && row.ratio_95[1] >= 1.0;
@@ -260,11 +261,11 @@ pub fn verdict(rows: &[Row]) -> String {
 mod tests {
     use super::*;
 
-    /// Drifts that spread about one have an RMS above it: the range of drives is that of the drifts.
+    /// Drifts that scatter about one have an RMS above it: the interval is about the drifts.
     #[test]
     fn the_range_lies_about_the_drives_and_not_about_their_rms() {
         let drives = [-1.0, 1.0].map(|logarithm| vec![libm::exp(logarithm)]);
-        let (predicted, [low, high]) = foretold(&drives).unwrap();
+        let (predicted, [low, high]) = predicted_drift(&drives).unwrap();
         let ends = [low, high].map(|bound| libm::log(predicted) + bound);
         assert!((predicted - libm::cosh(2.0).sqrt()).abs() < 1e-12);
         assert!((ends[0] + ends[1]).abs() < 1e-12, "{ends:?}");

@@ -1,4 +1,4 @@
-//! A recorded drive as a motion: what a unit on it really went through, without its noise.
+//! A recorded drive as a motion for simulation, without its noise.
 
 use ins_core::Solution;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -7,11 +7,11 @@ use crate::aircraft::dynamics::State;
 use crate::aircraft::trajectory::{Node, Segment};
 use crate::sim::{Kinematics, Motion};
 
-/// How fast a rest ends, m/s^2.
+/// Acceleration at the end of a rest, m/s^2.
 const DRIVE_OFF_MPS2: f64 = 1.5;
 
-/// Through the solutions of a navigator, from the first on; after a rest, if there was one, that
-/// ends straight ahead.
+/// Motion through the solutions of a navigator; before them a rest, if there was one, and a straight
+/// start from it.
 #[derive(Clone, Debug)]
 pub struct Replay {
     before_s: f64,
@@ -21,8 +21,7 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// None of fewer than three solutions; `before_s` is how long the vehicle stood and drove off
-    /// before the first.
+    /// None of fewer than three solutions; `before_s` is the time of rest and start before the first.
     pub fn new(solutions: &[Solution], before_s: f64) -> Option<Self> {
         let nodes = nodes(solutions);
         let (first, second) = (nodes.first()?, nodes.get(1)?);
@@ -68,7 +67,7 @@ fn nodes(solutions: &[Solution]) -> Vec<Node> {
         let [before, now, after] = [&three[0], &three[1], &three[2]];
         let seconds = after.time.seconds_since(before.time);
         let attitude = *now.attitude;
-        // A quaternion and its negative are one attitude: neighbours are to be near.
+        // A quaternion and its negative are one attitude: the sign is chosen for continuity.
         let attitude = match last {
             Some(last) if last.dot(&attitude) < 0.0 => -attitude,
             _ => attitude,

@@ -1,5 +1,5 @@
-//! What a rehearsal does: the drives that its model is of, everything that its figures depend on, and
-//! with what errors each flight is flown.
+//! Definition of a rehearsal: the drives of its model, everything that its results depend on, and the
+//! errors of each flight.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,18 +19,18 @@ use crate::sim::errors::{ErrorModel, ErrorModelError, GnssModel, SensorModel};
 use crate::sim::noise::Random;
 use crate::sim::recorded::RecordedNoise;
 
-/// Flights of which each drawn model flies the first ones.
+/// Flights of each drawn model: the first ones.
 const FLIGHTS_OF_A_DRAW: u32 = 5;
 
-/// What a drive's estimates are worth: what is rehearsed stands on them.
+/// Verdict on a drive's estimates, on which the model is based.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Judged {
+pub struct DriveVerdict {
     pub log: String,
     #[serde(flatten)]
     pub verdict: Verdict,
 }
 
-impl Judged {
+impl DriveVerdict {
     pub fn of(summary: Summary) -> Self {
         Self {
             log: summary.log,
@@ -45,8 +45,8 @@ impl Judged {
 
 #[derive(Debug)]
 pub struct Drives {
-    /// What each is worth, under its name.
-    pub verdicts: Vec<Judged>,
+    /// Verdict on each, under its name.
+    pub verdicts: Vec<DriveVerdict>,
     pub records: Vec<Record>,
     pub grade: Grade,
     pub output: ImuOutput,
@@ -54,12 +54,12 @@ pub struct Drives {
 }
 
 impl Drives {
-    /// Reads and identifies them one after the other.
+    /// Reads and identifies drives one after the other.
     pub fn read(paths: &[PathBuf], grade: Option<Grade>) -> Result<Self> {
         Self::of(paths, |path| Analysis::of_log(path, grade, &bar()))
     }
 
-    /// The same, as somebody else identifies each.
+    /// The same with a function that identifies each.
     pub fn of(paths: &[PathBuf], identified: impl Fn(&Path) -> Result<Analysis>) -> Result<Self> {
         let (mut verdicts, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
         let (mut first, mut given) = (None::<(Grade, ImuOutput)>, DistinctLogs::default());
@@ -76,7 +76,7 @@ impl Drives {
             given.take(path, &analysis.log)?;
             rates.push(analysis.log.imu_rate_hz());
             records.push(Record::new(&analysis.log, &analysis.found));
-            verdicts.push(Judged::of(analysis.summary));
+            verdicts.push(DriveVerdict::of(analysis.summary));
         }
         rates.sort_by(f64::total_cmp);
         let (grade, output) = first.ok_or_else(|| miette!("no drive is named"))?;
@@ -93,17 +93,17 @@ impl Drives {
     }
 }
 
-/// All choices; as text it tells whether a folder belongs to this rehearsal.
+/// All settings; as text they tell whether a folder belongs to this rehearsal.
 #[derive(Clone, Debug, Serialize)]
 pub struct Settings {
-    /// Version of this program: another one may come to other figures.
+    /// Version of this program: another one may give other results.
     pub version: &'static str,
     /// Fixes every random number.
     pub seed: u64,
     pub drives: Vec<String>,
-    /// Flights with the model that was found.
+    /// Flights with the identified model.
     pub flights: u32,
-    /// Models drawn from what the drives leave open.
+    /// Models drawn from the confidence intervals.
     pub models: u32,
     /// Flights for each line of the budget.
     pub budget: u32,
@@ -114,17 +114,17 @@ pub struct Settings {
     pub limit_s: f64,
     /// Algorithms under test, as given.
     pub with: Vec<String>,
-    /// Hashes of the programs among them that are there: one that is replaced is another.
+    /// Hashes of the programs among them that exist: a replaced program is another one.
     pub programs: BTreeMap<String, u64>,
-    /// Root mean squares of the recorded noise: by them one recording is told from another.
+    /// Root mean squares of the recorded noise, to identify the recording.
     pub noise_from: Option<[f64; 2]>,
     /// Error of the heading given at the start, deg; none: none is given.
     pub heading_sigma_deg: Option<f64>,
-    /// Keys of the error model that the user sets himself.
+    /// Keys of the error model that the user sets.
     pub set: toml::Table,
     /// The model as identified, with heading and keys as above.
     pub model: ErrorModel,
-    /// Aircraft and plan as they stand in their files.
+    /// Text of the files of aircraft and plan.
     pub aircraft: Option<String>,
     pub plan: String,
 }
@@ -138,7 +138,7 @@ pub struct Key {
 }
 
 impl Key {
-    /// Whether the value at a path is one that it sets: a bias of another model stands whole.
+    /// Whether it sets the value at a path: another model of a bias sets all of the bias.
     pub fn sets(&self, path: &str) -> bool {
         match self.name.strip_suffix(".model") {
             Some(bias) => path.starts_with(bias),
@@ -146,18 +146,18 @@ impl Key {
         }
     }
 
-    /// A model with it alone; none where it takes others to be one.
+    /// A model with this key alone; none where that is not valid without others.
     pub fn alone(&self, model: &ErrorModel) -> Option<ErrorModel> {
         let Self { name, value } = self;
         model.with(&format!("{name} = {value}").parse().ok()?).ok()
     }
 }
 
-/// All that flies: the settings and what stands behind them.
+/// A rehearsal: the settings, and the data behind them.
 #[derive(Debug)]
 pub struct Rehearsal {
     pub settings: Settings,
-    pub verdicts: Vec<Judged>,
+    pub verdicts: Vec<DriveVerdict>,
     pub found: Identified,
     pub noise: Option<RecordedNoise>,
     pub subjects: Vec<Subject>,
@@ -199,7 +199,7 @@ impl Settings {
 }
 
 impl Rehearsal {
-    /// Every flight with its model, the most telling first.
+    /// Every flight with its model, the most important first.
     pub fn jobs(&self) -> Vec<(Case, u32)> {
         let settings = &self.settings;
         let flights = |case, count: u32| (0..count).map(move |flight| (case, flight));
@@ -211,7 +211,7 @@ impl Rehearsal {
         for draw in 0..settings.models {
             jobs.extend(flights(Case::Drawn(draw), few));
         }
-        let there = |source: &usize| apart(&settings.model, *source).is_some();
+        let there = |source: &usize| isolated(&settings.model, *source).is_some();
         for source in (0..SOURCES.len()).filter(there) {
             let count = settings.flights.min(settings.budget);
             jobs.extend(flights(Case::Only(source), count));
@@ -223,7 +223,7 @@ impl Rehearsal {
     pub fn model(&self, case: Case) -> Result<ErrorModel, ErrorModelError> {
         let settings = &self.settings;
         let part = |source, which: usize| {
-            apart(&settings.model, source)
+            isolated(&settings.model, source)
                 .map_or_else(|| settings.model.clone(), |both| both[which].clone())
         };
         Ok(match case {
@@ -237,7 +237,7 @@ impl Rehearsal {
         })
     }
 
-    /// Algorithms that fly a case: what is asked of the model is asked of the first alone.
+    /// Algorithms of a case: cases about the model have the first algorithm alone.
     pub fn subjects_of(&self, case: Case) -> &[Subject] {
         match case {
             Case::Found | Case::Recorded => &self.subjects,
@@ -251,11 +251,11 @@ impl Rehearsal {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Case {
-    /// The model that the drives show.
+    /// The identified model.
     Found,
     /// The same, recorded noise in place of white.
     Recorded,
-    /// A model drawn from what the drives leave open.
+    /// A model drawn from the confidence intervals.
     Drawn(u32),
     /// One source of errors alone, of [`SOURCES`].
     Only(usize),
@@ -266,16 +266,16 @@ pub enum Case {
 /// A source of errors: its name, and how it is copied from one model into another.
 pub type Source = (&'static str, fn(&ErrorModel, &mut ErrorModel));
 
-/// All of them: together they are the model.
+/// All sources of errors: together they are the model.
 pub const SOURCES: [Source; 13] = [
     ("gyro noise", |from, to| {
         noise(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
     ("gyro bias, run to run", |from, to| {
-        constant(&from.gyro_deg_h, &mut to.gyro_deg_h);
+        run_to_run(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
     ("gyro bias, in the run", |from, to| {
-        moving(&from.gyro_deg_h, &mut to.gyro_deg_h);
+        in_run(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
     ("gyro scale and misalignment", |from, to| {
         proportional(&from.gyro_deg_h, &mut to.gyro_deg_h);
@@ -284,10 +284,10 @@ pub const SOURCES: [Source; 13] = [
         noise(&from.accel_mps2, &mut to.accel_mps2);
     }),
     ("accelerometer bias, run to run", |from, to| {
-        constant(&from.accel_mps2, &mut to.accel_mps2);
+        run_to_run(&from.accel_mps2, &mut to.accel_mps2);
     }),
     ("accelerometer bias, in the run", |from, to| {
-        moving(&from.accel_mps2, &mut to.accel_mps2);
+        in_run(&from.accel_mps2, &mut to.accel_mps2);
     }),
     ("accelerometer scale and misalignment", |from, to| {
         proportional(&from.accel_mps2, &mut to.accel_mps2);
@@ -321,11 +321,11 @@ fn noise(from: &SensorModel, to: &mut SensorModel) {
     to.resolution = from.resolution;
 }
 
-fn constant(from: &SensorModel, to: &mut SensorModel) {
+fn run_to_run(from: &SensorModel, to: &mut SensorModel) {
     to.bias.set_initial_sigma(from.bias.initial_sigma());
 }
 
-fn moving(from: &SensorModel, to: &mut SensorModel) {
+fn in_run(from: &SensorModel, to: &mut SensorModel) {
     let initial_sigma = to.bias.initial_sigma();
     to.bias = from.bias.clone();
     to.bias.set_initial_sigma(initial_sigma);
@@ -350,20 +350,20 @@ fn habits(from: &GnssModel, to: &mut GnssModel) {
 
 /// A model without errors: the unit's output and range, the receiver's rate and outages. A heading
 /// is given as far as the model gives one.
-fn quiet(model: &ErrorModel) -> ErrorModel {
-    let mut quiet = model.clone();
+fn error_free(model: &ErrorModel) -> ErrorModel {
+    let mut error_free = model.clone();
     let mut none = ErrorModel::ideal();
     none.given_heading_sigma_deg = model.given_heading_sigma_deg.map(|_| 0.0);
     for (_, copy) in SOURCES {
-        copy(&none, &mut quiet);
+        copy(&none, &mut error_free);
     }
-    quiet
+    error_free
 }
 
-/// The model with one source alone, and with all but it; none where there is nothing of it.
-pub fn apart(model: &ErrorModel, source: usize) -> Option<[ErrorModel; 2]> {
+/// The model with one source alone, and with all but it; none where the source is zero.
+pub fn isolated(model: &ErrorModel, source: usize) -> Option<[ErrorModel; 2]> {
     let (_, copy) = SOURCES[source];
-    let none = quiet(model);
+    let none = error_free(model);
     let (mut only, mut without) = (none.clone(), model.clone());
     copy(model, &mut only);
     copy(&none, &mut without);
@@ -374,7 +374,7 @@ pub fn apart(model: &ErrorModel, source: usize) -> Option<[ErrorModel; 2]> {
 mod tests {
     use super::*;
 
-    /// Every error of the model belongs to a source: all copied into a quiet one give it back.
+    /// Every error of the model belongs to a source: all copied into an error-free one restore it.
     #[test]
     fn sources_together_are_the_model() {
         let mut model = ErrorModel::mems();
@@ -386,7 +386,7 @@ mod tests {
         model.imu.stamp_jitter_s = 0.001;
         model.gnss.habits.velocity.sigma = 0.05;
         model.gnss.habits.smoothing_s = 0.2;
-        let mut again = quiet(&model);
+        let mut again = error_free(&model);
         assert_ne!(again, model);
         for (_, copy) in SOURCES {
             copy(&model, &mut again);
@@ -397,7 +397,7 @@ mod tests {
     #[test]
     fn a_source_that_is_not_there_is_not_flown() {
         let model = ErrorModel::hg1700();
-        let there = (0..SOURCES.len()).filter(|source| apart(&model, *source).is_some());
+        let there = (0..SOURCES.len()).filter(|source| isolated(&model, *source).is_some());
         let names: Vec<&str> = there.map(|source| SOURCES[source].0).collect();
         assert!(names.contains(&"gyro noise") && names.contains(&"heading at the start"));
         assert!(!names.contains(&"gyro scale and misalignment"), "{names:?}");

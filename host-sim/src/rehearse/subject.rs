@@ -1,4 +1,4 @@
-//! The algorithm under test: those that are at hand, firmware on a board, and any program.
+//! The algorithm under test: those built in, firmware on a board, and any program.
 
 use std::cell::RefCell;
 use std::f64::consts::TAU;
@@ -13,7 +13,7 @@ use ins_core::{Config, ConfigError, Navigator, Phase, Solution};
 use ins_link::{Reply, Request};
 use nalgebra::Vector3;
 
-use super::flight::{Answers, Failure, Fault, Flown, Told};
+use super::flight::{Answers, Apriori, Failure, Fault, FlightData};
 use super::program::Program;
 use crate::compare::kalman::Noise;
 use crate::compare::kalman::noise::config_of_model;
@@ -27,17 +27,17 @@ use crate::study::subject::{Core, Kalman, Subject as Driven};
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Subject {
-    /// The core, told the model; of what that does not say, the preset of the class of sensors.
+    /// The core, configured by the model, and by the preset of the class for the rest.
     Core(Form, Feedback),
-    /// The Kalman filter that the core is compared with, told the model.
+    /// The Kalman filter that the core is compared with, configured by the model.
     Kalman,
-    /// Firmware on a board, by its name in tables: the core once more, over the link.
+    /// Firmware on a board, with its name in tables: the core over the link.
     Board(String, Target),
     /// Anything that speaks the protocol.
     Program(Program),
 }
 
-pub const AT_HAND: [(&str, Subject); 4] = [
+pub const BUILT_IN: [(&str, Subject); 4] = [
     ("core", Subject::Core(Form::Exact, Feedback::Closed)),
     (
         "core-literal",
@@ -47,34 +47,34 @@ pub const AT_HAND: [(&str, Subject); 4] = [
     ("kalman", Subject::Kalman),
 ];
 
-/// The command whose options say which board.
+/// The command whose options specify the board.
 const BOARD: &str = "hil";
 
 impl FromStr for Subject {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Some((_, subject)) = AT_HAND.iter().find(|(name, _)| *name == text) {
+        if let Some((_, subject)) = BUILT_IN.iter().find(|(name, _)| *name == text) {
             return Ok(subject.clone());
         }
         let program: Program = text.parse()?;
-        let at_hand = |word: &String| AT_HAND.iter().any(|(name, _)| name == word);
+        let built_in = |word: &String| BUILT_IN.iter().any(|(name, _)| name == word);
         match program.command.split_first() {
-            Some((word, [])) if at_hand(word) => Err(format!("{word} goes by its own name alone")),
+            Some((word, [])) if built_in(word) => Err(format!("{word} goes by its own name alone")),
             Some((word, options)) if word == BOARD => {
                 Target::of(options).map(|target| Self::Board(program.name, target))
             }
-            // Else it would be missed only when all drives are identified.
+            // Else the error would come only after the identification of all drives.
             Some((word, [])) if word == text && is_missing(word) => Err(format!(
                 "expected {}, hil, or a program that is there",
-                AT_HAND.map(|(name, _)| name).join(", ")
+                BUILT_IN.map(|(name, _)| name).join(", ")
             )),
             _ => Ok(Self::Program(program)),
         }
     }
 }
 
-/// Whether this is the name of a program that is in none of the folders of programs.
+/// Whether this is the name of a program that is not in `PATH`.
 fn is_missing(program: &str) -> bool {
     let folders = std::env::var_os("PATH").unwrap_or_default();
     let mut folders = std::env::split_paths(&folders);
@@ -82,18 +82,18 @@ fn is_missing(program: &str) -> bool {
 }
 
 impl Subject {
-    /// What stands in tables.
+    /// Name in tables.
     pub fn name(&self) -> String {
         match self {
             Self::Program(Program { name, .. }) | Self::Board(name, _) => name.clone(),
-            _ => (AT_HAND.iter())
+            _ => (BUILT_IN.iter())
                 .find(|(_, subject)| subject == self)
                 .map_or_else(String::new, |(name, _)| (*name).to_owned()),
         }
     }
 
-    /// Hash of all files that are words of a program's command: itself, the script of an interpreter, what it
-    /// is told to read; of a board, that of its image.
+    /// Hash of all files named in a program's command: itself, the script of an interpreter, files of
+    /// options; of a board, that of its image.
     pub fn hash(&self) -> Option<u64> {
         let words: Vec<&Path> = match self {
             Self::Program(Program { command, .. }) => command.iter().map(Path::new).collect(),
@@ -105,32 +105,32 @@ impl Subject {
         (!texts.is_empty()).then(|| fnv1a(&texts.concat()))
     }
 
-    /// Whether it can be configured by a model, if it is to be.
-    pub fn check(&self, told: &Told) -> Result<(), ConfigError> {
+    /// Checks that the core, if used, can be configured by the model.
+    pub fn check(&self, apriori: &Apriori) -> Result<(), ConfigError> {
         match self {
             Self::Program(_) => Ok(()),
-            _ => Navigator::new(config(told, None)).map(|_| ()),
+            _ => Navigator::new(config(apriori, None)).map(|_| ()),
         }
     }
 
-    pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
+    pub fn fly(&self, flown: &FlightData, apriori: &Apriori) -> Result<Answers, ConfigError> {
         let one_at_a_time = || PORT.lock().unwrap_or_else(PoisonError::into_inner);
         let is_at_a_port = matches!(self, Self::Board(_, target) if target.port.is_some());
         let _port = is_at_a_port.then(one_at_a_time);
         let start = Instant::now();
-        let mut config = config(told, flown.run.given_heading_rad);
+        let mut config = config(apriori, flown.run.given_heading_rad);
         let solutions = match self {
             Self::Core(form, feedback) => {
                 (config.form, config.feedback) = (*form, *feedback);
-                Ok(asked(Core::new(config, &flown.run)?, flown))
+                Ok(run_over(Core::new(config, &flown.run)?, flown))
             }
             Self::Kalman => {
                 let (SimulatedDrive { imu, gnss, .. }, up) = (&flown.run, Vector3::z());
-                let noise = Noise::of_model(&told.model);
-                Ok(asked(Kalman::new(imu, gnss, config, noise, &up)?, flown))
+                let noise = Noise::of_model(&apriori.model);
+                Ok(run_over(Kalman::new(imu, gnss, config, noise, &up)?, flown))
             }
             Self::Board(_, target) => on_board(target, config, flown),
-            Self::Program(program) => return Ok(program.fly(flown, told)),
+            Self::Program(program) => return Ok(program.fly(flown, apriori)),
         };
         Ok(Answers {
             solutions,
@@ -139,19 +139,19 @@ impl Subject {
     }
 }
 
-/// The core as it would be configured by the model; what that does not say, by the class.
-fn config(told: &Told, heading_rad: Option<f64>) -> Config {
-    let model = &told.model;
+/// Configuration of the core by the model, and by the class for the rest.
+fn config(apriori: &Apriori, heading_rad: Option<f64>) -> Config {
+    let model = &apriori.model;
     // An error may be more than a turn.
     let heading_rad = heading_rad.map(|heading| heading % TAU);
-    let preset = config_of(told.grade, model.imu.output, heading_rad);
+    let preset = config_of(apriori.grade, model.imu.output, heading_rad);
     let mut config = config_of_model(model, preset);
     config.sensors.cross_axis = model.gyro_deg_h.misalignment_sigma;
     config
 }
 
-/// What somebody says whenever he is asked.
-fn asked(mut subject: impl Driven, flown: &Flown) -> Vec<Option<Solution>> {
+/// Solutions of an algorithm at the times asked.
+fn run_over(mut subject: impl Driven, flown: &FlightData) -> Vec<Option<Solution>> {
     let mut asks = flown.asks().iter().peekable();
     let mut solutions = Vec::with_capacity(asks.len());
     while let Some(time) = subject.step() {
@@ -165,36 +165,36 @@ fn asked(mut subject: impl Driven, flown: &Flown) -> Vec<Option<Solution>> {
 
 // --- on a board ---
 
-/// There may be only one real board: it flies one flight at a time.
+/// There may be only one real board: one flight at a time.
 static PORT: Mutex<()> = Mutex::new(());
 
-/// Flies a board; whatever it does, the flight ends.
+/// Runs a board over a flight, which ends whatever the board does.
 fn on_board(
     target: &Target,
     config: Config,
-    flown: &Flown,
+    flown: &FlightData,
 ) -> Result<Vec<Option<Solution>>, Failure> {
     let unusable = |error: HilError| Failure::new(Fault::Unusable, 0.0, error.to_string());
     let mut session = target.open().map_err(unusable)?;
-    // Estimates are not looked at: they need not come.
+    // Estimates are not used: the board need not send them.
     session.start(config, 0).map_err(unusable)?;
-    let heard = RefCell::new(Heard {
+    let replies = RefCell::new(BoardReplies {
         asks: flown.asks(),
-        ..Heard::default()
+        ..BoardReplies::default()
     });
-    let is_well = |_: &Request| heard.borrow().failure.is_none();
+    let is_well = |_: &Request| replies.borrow().failure.is_none();
     let requests = flown.events().map(bench::request).take_while(is_well);
     let ended = session.stream(requests, Rate::Max, |event| {
         if let Event::Answer { request, reply, .. } = event {
-            heard.borrow_mut().take(&request, reply.as_ref());
+            replies.borrow_mut().take(&request, reply.as_ref());
         }
     });
-    heard.into_inner().finish(ended.err())
+    replies.into_inner().finish(ended.err())
 }
 
-/// What has come from the board.
+/// Replies of the board so far.
 #[derive(Default)]
-struct Heard<'a> {
+struct BoardReplies<'a> {
     /// Solutions asked for and not answered yet.
     asks: &'a [Solution],
     solutions: Vec<Option<Solution>>,
@@ -202,7 +202,7 @@ struct Heard<'a> {
     now_s: f64,
 }
 
-impl Heard<'_> {
+impl BoardReplies<'_> {
     fn take(&mut self, request: &Request, reply: Option<&Reply>) {
         if let Request::Imu(sample) = request {
             self.now_s = sample.time.as_seconds();
@@ -210,7 +210,7 @@ impl Heard<'_> {
         let (fault, cause) = match (request, reply) {
             (Request::Imu(_), Some(Reply::Imu(Ok(reply)))) => {
                 let navigates = reply.report.phase == Phase::Navigating;
-                self.note(reply.report.solution.filter(|_| navigates));
+                self.record(reply.report.solution.filter(|_| navigates));
                 return;
             }
             (Request::Gnss(_), Some(Reply::Gnss(Ok(_)))) => return,
@@ -224,7 +224,7 @@ impl Heard<'_> {
         (self.failure).get_or_insert(Failure::new(fault, self.now_s, cause));
     }
 
-    fn note(&mut self, solution: Option<Solution>) {
+    fn record(&mut self, solution: Option<Solution>) {
         while let Some((ask, later)) = self.asks.split_first()
             && ask.time.as_seconds() <= self.now_s
         {

@@ -1,11 +1,11 @@
-//! What the flights say of each algorithm: two intervals kept apart, that of the flights and that
-//! of the model.
+//! Accuracy of each algorithm over the flights, with separate intervals for the scatter of the flights
+//! and the uncertainty of the model.
 
 use serde::Serialize;
 
-use super::flight::{Fault, World};
+use super::flight::{Fault, Scenario};
 use super::run::{Gnss, HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
-use super::settings::{Case, Judged, Key, Rehearsal, SOURCES};
+use super::settings::{Case, DriveVerdict, Key, Rehearsal, SOURCES};
 use crate::identify::error_model::identified::in_file;
 use crate::identify::error_model::interval::student;
 use crate::identify::error_model::{Assumed, Parameter};
@@ -13,12 +13,12 @@ use crate::page::table::Table;
 use crate::statistics::{mean_and_variance, rms, rms_of_any, whole};
 use crate::study::flights::statistics::Figure;
 
-/// Parts of the time without GNSS at whose ends errors are looked at.
-const PARTS: [f64; 3] = [0.25, 0.5, 1.0];
-/// Part of the errors that lie below the figure so called.
-const MOST: f64 = 0.95;
+/// Parts of the time without GNSS at whose ends errors are evaluated.
+const OUTAGE_PARTS: [f64; 3] = [0.25, 0.5, 1.0];
+/// Percentile of the errors.
+const PERCENTILE: f64 = 0.95;
 
-/// Of fewer models there is no interval: on logarithms it would be from nothing to thousands of times.
+/// Fewest models for an interval: of fewer, on logarithms, its factor would be in the thousands.
 pub const FEWEST_MODELS: usize = 5;
 
 /// Errors of one quantity in one part of the flight.
@@ -26,15 +26,15 @@ pub const FEWEST_MODELS: usize = 5;
 pub struct Row {
     pub quantity: &'static str,
     pub unit: &'static str,
-    /// Since GNSS went, s, to a tenth; none: with GNSS, over the second half of that part.
+    /// Time without GNSS, s, to a tenth; none: with GNSS, over the second half of that part.
     pub without_gnss_s: Option<f64>,
     /// Flights that have a solution there.
     pub flights: usize,
-    /// RMS, its 95 % interval from flight to flight, and median.
+    /// RMS, its 95 % interval from the scatter of the flights, and median.
     #[serde(flatten)]
     pub figure: Figure,
     pub below_95: f64,
-    /// 95 % interval of the RMS over models that the drives allow; the first algorithm's alone.
+    /// 95 % interval of the RMS from the uncertainty of the model; for the first algorithm only.
     pub model_95: Option<[f64; 2]>,
 }
 
@@ -54,7 +54,7 @@ pub struct Spread {
     pub below_95: f64,
 }
 
-/// Flights that failed alike.
+/// Flights that failed with the same fault.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Failed {
     pub fault: Fault,
@@ -65,7 +65,7 @@ pub struct Failed {
     pub cause: String,
 }
 
-/// Flights that the aircraft could not fly, whatever errors they are flown with.
+/// Flights that the aircraft could not fly, whatever the sensors' errors.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NotFlown {
     pub flights: usize,
@@ -74,7 +74,7 @@ pub struct NotFlown {
     pub cause: String,
 }
 
-/// Models drawn from what the drives leave open.
+/// Models drawn from the confidence intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Models {
     pub drawn: u32,
@@ -91,20 +91,20 @@ pub struct Tested {
     pub flights: usize,
     /// Errors, where it had solutions.
     pub rows: Vec<Row>,
-    /// Models drawn that it flew; the first algorithm's alone.
+    /// Models drawn for it; for the first algorithm only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub models: Option<Models>,
     pub failures: Vec<Failed>,
     #[serde(skip)]
     pub moments: Vec<Moment>,
-    /// Time of a flight, mean, s: no two runs have the same.
+    /// Mean computing time of a flight, s: not reproducible.
     #[serde(skip)]
     pub took_s: f64,
 }
 
-/// What one source of errors costs the first algorithm: RMS.
+/// Error budget of the first algorithm, one source of errors: RMS.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Cost {
+pub struct BudgetLine {
     /// Which; none: all together, over the same flights.
     pub source: Option<&'static str>,
     /// The source alone, in the order of [`BUDGETED`].
@@ -113,7 +113,7 @@ pub struct Cost {
     pub without: [Option<f64>; BUDGETED.len()],
 }
 
-/// Quantities of the budget, and whether they are looked at when GNSS comes back.
+/// Quantities of the budget, and whether they are those at the end of the part without GNSS.
 pub const BUDGETED: [(usize, bool); 4] = [
     (POSITION, false),
     (HEADING, false),
@@ -124,8 +124,8 @@ pub const BUDGETED: [(usize, bool); 4] = [
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     pub drives: Vec<String>,
-    /// What speaks against them.
-    pub verdicts: Vec<Judged>,
+    /// Verdicts on them.
+    pub verdicts: Vec<DriveVerdict>,
     /// Flights asked for.
     pub flights: u32,
     /// Of these.
@@ -134,28 +134,28 @@ pub struct Summary {
     pub duration_s: f64,
     /// Its last part without GNSS, s.
     pub free_s: f64,
-    /// When errors are looked at last: so long after GNSS went, if it does.
+    /// Last time at which errors are evaluated, since the end of GNSS, if it ends.
     #[serde(skip)]
     pub last_s: Option<f64>,
     pub tested: Vec<Tested>,
-    /// Where the errors of the first come from.
-    pub budget: Vec<Cost>,
+    /// Error budget of the first algorithm.
+    pub budget: Vec<BudgetLine>,
     pub parameters: Vec<Parameter>,
-    /// The same for people.
+    /// The same as a table.
     #[serde(skip)]
     pub model: Table,
-    /// What the drives do not show, and what was assumed or set.
+    /// What is not observable in the drives, and was assumed or set.
     pub assumed: Vec<Assumed>,
-    /// What the user has set in place of what was identified or assumed.
+    /// Keys that the user has set in place of what was identified or assumed.
     pub set: Vec<Key>,
 }
 
-/// Where in the kept moments a figure stands.
+/// Times, among those kept, at which errors are evaluated.
 #[derive(Clone, Copy, Debug)]
-enum Place {
+enum Point {
     /// The second half of the part with GNSS.
     Aided,
-    /// A moment without.
+    /// A time without GNSS.
     Free(usize),
 }
 
@@ -166,7 +166,7 @@ struct Flights<'a> {
 
 impl Flights<'_> {
     /// Outcomes of an algorithm in a case that ended well, flight by flight.
-    fn good(&self, case: Case, subject: usize) -> impl Iterator<Item = (u32, &Outcome)> {
+    fn complete(&self, case: Case, subject: usize) -> impl Iterator<Item = (u32, &Outcome)> {
         self.all(case, subject)
             .filter(|(_, outcome)| outcome.failure.is_none())
     }
@@ -182,56 +182,56 @@ impl Flights<'_> {
         Some(errors[quantity] as f64 * QUANTITIES[quantity].count)
     }
 
-    fn at(&self, outcome: &Outcome, place: Place, quantity: usize) -> Option<f64> {
+    fn at(&self, outcome: &Outcome, point: Point, quantity: usize) -> Option<f64> {
         let aided = self.aided();
-        match place {
-            Place::Aided => {
-                let there = |moment: &usize| self.moments[*moment].1 == Gnss::There;
+        match point {
+            Point::Aided => {
+                let there = |moment: &usize| self.moments[*moment].1 == Gnss::Aided;
                 let value = |moment| Self::value(outcome, moment, quantity);
                 let moments = (aided / 2..aided).filter(there);
                 let values: Vec<f64> = moments.map(value).collect::<Option<_>>()?;
                 rms_of_any(values.into_iter())
             }
-            Place::Free(moment) => Self::value(outcome, moment, quantity),
+            Point::Free(moment) => Self::value(outcome, moment, quantity),
         }
     }
 
-    /// The second half of the part with GNSS, and the moments at the ends of parts of that without, each once.
-    fn places(&self) -> Vec<Place> {
+    /// The second half of the part with GNSS, and the ends of parts of that without, each once.
+    fn points(&self) -> Vec<Point> {
         let aided = self.aided();
         let free = self.moments.len() - aided;
         let end = |part: &f64| aided + whole((part * free as f64).ceil()) - 1;
-        let mut ends: Vec<usize> = PARTS.iter().filter(|_| free > 0).map(end).collect();
+        let mut ends: Vec<usize> = OUTAGE_PARTS.iter().filter(|_| free > 0).map(end).collect();
         ends.dedup();
-        let ends = ends.into_iter().map(Place::Free);
-        [Place::Aided].into_iter().chain(ends).collect()
+        let ends = ends.into_iter().map(Point::Free);
+        [Point::Aided].into_iter().chain(ends).collect()
     }
 
-    /// How long GNSS is gone there, s, to a tenth.
-    fn without_gnss_s(&self, place: Place, world: &World) -> Option<f64> {
-        let Place::Free(moment) = place else {
+    /// Time without GNSS there, s, to a tenth.
+    fn without_gnss_s(&self, point: Point, scenario: &Scenario) -> Option<f64> {
+        let Point::Free(moment) = point else {
             return None;
         };
         let time_s = (self.moments[moment].0 + 1) as f64;
-        Some((10.0 * (time_s - world.aided_s())).round() / 10.0)
+        Some((10.0 * (time_s - scenario.aided_s())).round() / 10.0)
     }
 
-    /// How many moments are before GNSS is gone.
+    /// How many of the times are before the end of GNSS.
     fn aided(&self) -> usize {
-        let gone = |(_, gnss): &(usize, Gnss)| *gnss == Gnss::Gone;
+        let gone = |(_, gnss): &(usize, Gnss)| *gnss == Gnss::Denied;
         self.moments.iter().filter(|moment| !gone(moment)).count()
     }
 
-    fn values(&self, case: Case, subject: usize, place: Place, quantity: usize) -> Vec<(u32, f64)> {
-        self.good(case, subject)
-            .filter_map(|(flight, outcome)| Some((flight, self.at(outcome, place, quantity)?)))
+    fn values(&self, case: Case, subject: usize, point: Point, quantity: usize) -> Vec<(u32, f64)> {
+        self.complete(case, subject)
+            .filter_map(|(flight, outcome)| Some((flight, self.at(outcome, point, quantity)?)))
             .collect()
     }
 
     /// RMS in another case over the RMS as found, over the flights that both have.
-    fn ratio(&self, case: Case, place: Place, quantity: usize) -> Option<f64> {
-        let here = self.values(case, 0, place, quantity);
-        let found = self.values(Case::Found, 0, place, quantity);
+    fn ratio(&self, case: Case, point: Point, quantity: usize) -> Option<f64> {
+        let here = self.values(case, 0, point, quantity);
+        let found = self.values(Case::Found, 0, point, quantity);
         let both: Vec<(f64, f64)> = (here.iter())
             .filter_map(|(flight, value)| {
                 let as_found = found.iter().find(|(other, _)| other == flight)?;
@@ -243,26 +243,26 @@ impl Flights<'_> {
     }
 }
 
-/// The values that all but a few stay below, and their middle; of at least one.
+/// RMS, median and percentile; none without values.
 fn spread(values: &[f64]) -> Option<Spread> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let last = sorted.len().checked_sub(1)?;
     let at = |part: f64| {
-        let place = part * last as f64;
-        let below = whole(place);
+        let rank = part * last as f64;
+        let below = whole(rank);
         let above = sorted[(below + 1).min(last)];
-        sorted[below] + (place - below as f64) * (above - sorted[below])
+        sorted[below] + (rank - below as f64) * (above - sorted[below])
     };
     Some(Spread {
         flights: values.len(),
         rms: rms(values.iter().copied()),
         median: at(0.5),
-        below_95: at(MOST),
+        below_95: at(PERCENTILE),
     })
 }
 
-/// 95 % of the models, by the logarithms of their RMS over that of the one found.
+/// 95 % interval over models, from the logarithms of their RMS over that of the identified one.
 fn model_interval(rms: f64, ratios: &[f64]) -> Option<[f64; 2]> {
     let logarithms: Vec<f64> = (ratios.iter())
         .map(|ratio| libm::log(*ratio))
@@ -275,11 +275,11 @@ fn model_interval(rms: f64, ratios: &[f64]) -> Option<[f64; 2]> {
 }
 
 impl Summary {
-    pub fn new(rehearsal: &Rehearsal, world: &World, lines: &[Line]) -> Self {
+    pub fn new(rehearsal: &Rehearsal, scenario: &Scenario, lines: &[Line]) -> Self {
         let settings = &rehearsal.settings;
         let flights = Flights {
             lines,
-            moments: moments(world, &settings.model.gnss),
+            moments: moments(scenario, &settings.model.gnss),
         };
         let cases = [
             Some(Case::Found),
@@ -288,7 +288,7 @@ impl Summary {
         let mut tested = Vec::new();
         for subject in 0..rehearsal.subjects.len() {
             for case in cases.into_iter().flatten() {
-                tested.push(Tested::new(&flights, rehearsal, world, case, subject));
+                tested.push(Tested::new(&flights, rehearsal, scenario, case, subject));
             }
         }
         Self {
@@ -297,9 +297,10 @@ impl Summary {
             flights: settings.flights,
             not_flown: not_flown(lines),
             models: settings.models,
-            duration_s: world.duration_s,
-            free_s: world.free_s,
-            last_s: (flights.places().last()).and_then(|last| flights.without_gnss_s(*last, world)),
+            duration_s: scenario.duration_s,
+            free_s: scenario.free_s,
+            last_s: (flights.points().last())
+                .and_then(|last| flights.without_gnss_s(*last, scenario)),
             tested,
             budget: budget(&flights),
             parameters: rehearsal.found.parameters(),
@@ -320,35 +321,35 @@ impl Tested {
     fn new(
         flights: &Flights,
         rehearsal: &Rehearsal,
-        world: &World,
+        scenario: &Scenario,
         case: Case,
         subject: usize,
     ) -> Self {
-        let places = flights.places();
+        let points = flights.points();
         let drawn = rehearsal.settings.models;
         let of_models = subject == 0 && case == Case::Found && drawn > 0;
-        let row = |(place, quantity): (Place, usize)| {
-            let values = flights.values(case, subject, place, quantity);
+        let row = |(point, quantity): (Point, usize)| {
+            let values = flights.values(case, subject, point, quantity);
             let values: Vec<f64> = values.into_iter().map(|(_, value)| value).collect();
             let spread = spread(&values)?;
             let figure = Figure::of(&values);
             let ratios: Vec<f64> = (0..drawn)
                 .filter(|_| of_models)
-                .filter_map(|draw| flights.ratio(Case::Drawn(draw), place, quantity))
+                .filter_map(|draw| flights.ratio(Case::Drawn(draw), point, quantity))
                 .collect();
             Some(Row {
                 quantity: QUANTITIES[quantity].name,
                 unit: QUANTITIES[quantity].unit,
-                without_gnss_s: flights.without_gnss_s(place, world),
+                without_gnss_s: flights.without_gnss_s(point, scenario),
                 flights: values.len(),
                 model_95: model_interval(figure.rms, &ratios),
                 figure,
                 below_95: spread.below_95,
             })
         };
-        let all = (0..QUANTITIES.len()).flat_map(|q| places.iter().map(move |place| (*place, q)));
-        let good: Vec<(u32, &Outcome)> = flights.good(case, subject).collect();
-        let last = places.last().copied().unwrap_or(Place::Aided);
+        let all = (0..QUANTITIES.len()).flat_map(|q| points.iter().map(move |point| (*point, q)));
+        let complete: Vec<(u32, &Outcome)> = flights.complete(case, subject).collect();
+        let last = points.last().copied().unwrap_or(Point::Aided);
         let without = |draw: &u32| {
             let values = flights.values(Case::Drawn(*draw), 0, last, POSITION);
             values.is_empty()
@@ -357,16 +358,16 @@ impl Tested {
             drawn,
             without: (0..drawn).filter(without).count(),
         });
-        let took_ms: u64 = good.iter().map(|(_, outcome)| outcome.took_ms).sum();
+        let took_ms: u64 = complete.iter().map(|(_, outcome)| outcome.took_ms).sum();
         Self {
             with: rehearsal.subjects[subject].name(),
             recorded_noise: case == Case::Recorded,
-            flights: good.len(),
+            flights: complete.len(),
             rows: all.filter_map(row).collect(),
             models,
             failures: failures(flights.all(case, subject)),
-            moments: over_time(flights, &good),
-            took_s: 1e-3 * took_ms as f64 / good.len() as f64,
+            moments: over_time(flights, &complete),
+            took_s: 1e-3 * took_ms as f64 / complete.len() as f64,
         }
     }
 
@@ -377,13 +378,13 @@ impl Tested {
     }
 }
 
-fn over_time(flights: &Flights, good: &[(u32, &Outcome)]) -> Vec<Moment> {
+fn over_time(flights: &Flights, complete: &[(u32, &Outcome)]) -> Vec<Moment> {
     (flights.moments.iter().enumerate())
         .map(|(moment, &(ask, gnss))| Moment {
             time_s: (ask + 1) as f64,
             gnss,
             errors: core::array::from_fn(|quantity| {
-                let values: Vec<f64> = (good.iter())
+                let values: Vec<f64> = (complete.iter())
                     .filter_map(|(_, outcome)| Flights::value(outcome, moment, quantity))
                     .collect();
                 spread(&values)
@@ -392,7 +393,7 @@ fn over_time(flights: &Flights, good: &[(u32, &Outcome)]) -> Vec<Moment> {
         .collect()
 }
 
-/// What does not stand on the drives, with the values that are flown.
+/// What is not observable in the drives, with the values of the flights.
 fn assumed(rehearsal: &Rehearsal) -> Vec<Assumed> {
     let (mut all, keys) = (rehearsal.found.assumed(), rehearsal.settings.keys());
     for part in &mut all {
@@ -437,19 +438,19 @@ fn failures<'a>(outcomes: impl Iterator<Item = (u32, &'a Outcome)>) -> Vec<Faile
     all
 }
 
-/// Where the errors of the first algorithm come from; all together last.
-fn budget(flights: &Flights) -> Vec<Cost> {
-    let places = flights.places();
-    let place = |free: bool| {
+/// Error budget of the first algorithm; all sources together last.
+fn budget(flights: &Flights) -> Vec<BudgetLine> {
+    let points = flights.points();
+    let point = |free: bool| {
         if free {
-            places[1..].last()
+            points[1..].last()
         } else {
-            places.first()
+            points.first()
         }
     };
     let of_case = |case: Case, few: &[u32]| {
         BUDGETED.map(|(quantity, free)| {
-            let values = flights.values(case, 0, *place(free)?, quantity).into_iter();
+            let values = flights.values(case, 0, *point(free)?, quantity).into_iter();
             let of_few = values.filter(|(flight, _)| few.contains(flight));
             rms_of_any(of_few.map(|(_, value)| value))
         })
@@ -462,7 +463,7 @@ fn budget(flights: &Flights) -> Vec<Cost> {
         if flown.is_empty() {
             continue;
         }
-        costs.push(Cost {
+        costs.push(BudgetLine {
             source: Some(name),
             alone: of_case(Case::Only(source), &flown),
             without: of_case(Case::Without(source), &flown),
@@ -471,7 +472,7 @@ fn budget(flights: &Flights) -> Vec<Cost> {
     }
     if !costs.is_empty() {
         let all = of_case(Case::Found, &few);
-        costs.push(Cost {
+        costs.push(BudgetLine {
             source: None,
             alone: all,
             without: [None; BUDGETED.len()],

@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::page::brief;
 use crate::page::progress::{bar, counted, spinner};
 use crate::page::table::{Table, heads, markdown, side_by_side};
-use crate::plan_drive::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
+use crate::plan_drive::{DrivenUnit, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
 use crate::statistics::rms;
 
 /// Goal: predicted over reached.
@@ -184,7 +184,7 @@ fn results(
 fn driven(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]>>> {
     let model = target.error_model()?;
     let config = target.config(&model)?;
-    let mut bench = Bench::switched_on(target, &model, config, seed, Driver::human(seed))?;
+    let mut bench = DrivenUnit::switched_on(target, &model, config, seed, Driver::human(seed))?;
     for stage in &plan.stages {
         for _ in 0..stage.times {
             bench.drive(stage.manoeuvre, &target.site);
@@ -209,7 +209,7 @@ fn driven(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]
 /// What the core should have found, in its own terms: a bias of an accelerometer is what it reads
 /// too much at the attitude that `found` is of.
 fn true_values(
-    bench: &Bench,
+    bench: &DrivenUnit,
     target: &Target,
     found: &Estimates,
     solution: &Solution,

@@ -11,7 +11,7 @@ use host_sim::identify::error_model::Identified;
 use host_sim::identify::quantities::Quantity;
 use host_sim::page::table::{heads, markdown};
 use host_sim::page::{brief, digits};
-use host_sim::proof::{overview, tried, verdict};
+use host_sim::proof::{compare_drift, overview, verdict};
 use host_sim::study::logs::{Wander, wander_table};
 use host_sim::{Drives, log, study};
 use indicatif::ProgressBar;
@@ -182,7 +182,7 @@ pub fn proof(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
         model.imu.output = drives.output;
         for path in named(against) {
             let analysis = Analysis::of_log(&path, Some(drives.grade), &ProgressBar::hidden())?;
-            rows.extend(tried(&analysis, &model, SEEDS)?);
+            rows.extend(compare_drift(&analysis, &model, SEEDS)?);
         }
     }
     let table = overview(&rows).markdown();

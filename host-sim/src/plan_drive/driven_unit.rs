@@ -1,7 +1,6 @@
-//! A unit on a drive that is still being laid down, and the core that goes over it.
+//! A simulated unit on a drive that is being planned, and the core that is run over it.
 //!
-//! All of it can be cloned: what a manoeuvre would bring is seen on a copy, from where the drive
-//! has come to.
+//! All of it can be cloned: a manoeuvre is tried on a copy, from the present end of the drive.
 
 use std::collections::VecDeque;
 
@@ -23,28 +22,28 @@ use crate::sim::motion::Mounted;
 use crate::sim::noise::Random;
 use crate::sim::{ErrorModel, SensorErrors};
 
-/// One unit and whoever drives it.
+/// One unit and its driver.
 #[derive(Clone, Debug)]
-pub struct Bench {
+pub struct DrivenUnit {
     course: DriveProfile,
     driver: Driver,
     mount: UnitQuaternion<f64>,
     recorder: Recorder,
     recording: Recording,
-    /// Where the recording has come to.
+    /// Truth at the end of the recording.
     last: Solution,
-    /// When it began, by the stamps of the core, and what had been driven before, s.
+    /// Its start by the stamps of the core, and the time driven before, s.
     since: Time,
     before_s: f64,
-    /// Fixes that have not arrived, with the time when they do.
+    /// Fixes that have not arrived, with their times of arrival.
     pending: VecDeque<(Time, GnssFix)>,
-    /// Errors of the sensors that are not drawn.
-    known: Option<Estimates>,
+    /// Constant errors of the sensors, as estimated from a log.
+    constant_errors: Option<Estimates>,
     pub navigator: Navigator,
 }
 
-impl Bench {
-    /// A unit that is switched on, heading anywhere; the seed fixes its errors and all noise.
+impl DrivenUnit {
+    /// A unit at switch-on, with any heading; the seed fixes its errors and all noise.
     pub fn switched_on(
         target: &Target,
         model: &ErrorModel,
@@ -77,8 +76,8 @@ impl Bench {
         Ok(bench)
     }
 
-    /// Goes on where a recorded drive has ended, as the core has found unit and vehicle there: what
-    /// more is found does not hang on the values.
+    /// Continues at the end of a recorded drive, with the core's estimates as the truth: the sigmas do
+    /// not depend on the values.
     pub fn after(
         (navigator, before_s): (Navigator, f64),
         model: &ErrorModel,
@@ -98,7 +97,7 @@ impl Bench {
         let known = navigator.estimates();
         let velocity = end.velocity_enu_mps.xy();
         let speed_mps = velocity.norm();
-        // Below a walk the velocity has no direction, and the vehicle stands.
+        // Below walking speed the velocity has no usable direction: the vehicle is taken at rest.
         let moves = speed_mps > 1.0;
         let (speed_mps, heading_rad) = if moves {
             (speed_mps, libm::atan2(velocity.x, velocity.y))
@@ -115,13 +114,13 @@ impl Bench {
             imu_hz,
             truth_every: truth_stride(imu_hz),
             origin: end.position,
-            errors: without_drawn_errors(model, &known),
+            errors: without_random_constants(model, &known),
         };
         let course = DriveProfile::new(speed_mps, heading_rad);
         let mount = vehicle.inverse() * end.attitude;
         let config = *navigator.config();
         let mut bench = Self::begin(course, driver, mount, recording, config)?;
-        bench.known = Some(known);
+        bench.constant_errors = Some(known);
         bench.since = end.time;
         bench.before_s = before_s;
         bench.recorder.imu.clear();
@@ -148,7 +147,7 @@ impl Bench {
             since: Time::default(),
             before_s: 0.0,
             pending: VecDeque::new(),
-            known: None,
+            constant_errors: None,
             navigator: navigator(config)?,
         })
     }
@@ -162,12 +161,12 @@ impl Bench {
         self.last.time.as_seconds()
     }
 
-    /// The same with what had been driven before.
-    pub fn known_seconds(&self) -> f64 {
+    /// The same with the time driven before.
+    pub fn total_seconds(&self) -> f64 {
         self.before_s + self.seconds()
     }
 
-    /// When a manoeuvre would be over that was driven now, s.
+    /// End of a manoeuvre if it were driven next, s.
     pub fn seconds_after(&self, manoeuvre: Manoeuvre, site: &Site) -> f64 {
         let (mut course, mut driver) = (self.course.clone(), self.driver.clone());
         manoeuvre.drive(&mut course, site, &mut driver);
@@ -181,11 +180,11 @@ impl Bench {
         let end = Time::default().plus_seconds(self.course.now_s);
         self.recorder.record_until(&mut sensors, end);
         self.last = sensors.state().solution;
-        self.listen();
+        self.feed_core();
     }
 
-    /// The core takes what has been recorded.
-    fn listen(&mut self) {
+    /// Feeds the recorded samples and fixes to the core.
+    fn feed_core(&mut self) {
         let fixes = std::mem::take(&mut self.recorder.gnss);
         let Recording { errors, seed, .. } = &self.recording;
         let when = arrivals(
@@ -204,7 +203,7 @@ impl Bench {
                     ..fix
                 });
             }
-            let _ = self.navigator.on_imu(&self.read(&sample));
+            let _ = self.navigator.on_imu(&self.with_constant_errors(&sample));
         }
     }
 
@@ -212,10 +211,10 @@ impl Bench {
         self.since.plus_seconds(time.as_seconds())
     }
 
-    /// A sample with the errors that are not drawn, the inverse of [`Estimates::corrected`].
-    fn read(&self, sample: &ImuSample) -> ImuSample {
+    /// A sample with the constant errors, the inverse of [`Estimates::corrected`].
+    fn with_constant_errors(&self, sample: &ImuSample) -> ImuSample {
         let time = self.stamp(sample.time);
-        let Some(known) = &self.known else {
+        let Some(known) = &self.constant_errors else {
             return ImuSample { time, ..*sample };
         };
         let seconds = (self.recording.errors.imu.output).per_rate(1.0 / self.recording.imu_hz);
@@ -240,12 +239,12 @@ impl Bench {
         }
     }
 
-    /// What really happened, ten times a second.
+    /// True motion, ten times a second.
     pub fn truth(&self) -> &[Solution] {
         &self.recorder.truth
     }
 
-    /// Where it really is.
+    /// Truth at the end.
     pub fn end(&self) -> &Solution {
         &self.last
     }
@@ -259,8 +258,8 @@ fn navigator(config: Config) -> Result<Navigator> {
     Navigator::new(config).map_err(unusable)
 }
 
-/// Noise and what moves remain.
-fn without_drawn_errors(model: &ErrorModel, known: &Estimates) -> ErrorModel {
+/// The model without random constants, those of GNSS as estimated; noise and drift remain.
+fn without_random_constants(model: &ErrorModel, known: &Estimates) -> ErrorModel {
     let mut model = model.clone();
     for sensors in [&mut model.gyro_deg_h, &mut model.accel_mps2] {
         sensors.scale_sigma = 0.0;
