@@ -26,7 +26,7 @@ pub struct Input {
     pub config: Config,
     pub(crate) name: String,
     pub(crate) grade: Grade,
-    /// What looks suspicious in the log.
+    /// Suspicious properties of the log.
     pub(crate) warnings: Vec<LogError>,
     pub(crate) truth: Option<Truth>,
 }

@@ -1,4 +1,4 @@
-//! The navigator's configuration for a log: what its metadata and its own samples say.
+//! The navigator's configuration for a log, from its metadata and its samples.
 
 use ins_core::config::HeadingSource;
 use ins_core::earth::ROTATION_RATE_RADPS;

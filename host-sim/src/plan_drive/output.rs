@@ -25,7 +25,7 @@ const COLUMNS: usize = 8;
 #[derive(Debug, Serialize)]
 pub struct Report<'a> {
     version: &'static str,
-    /// The log that is added to, and what speaks against it.
+    /// The log that the drive is added to, and the verdict on it.
     #[serde(skip_serializing_if = "Option::is_none")]
     log: Option<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]

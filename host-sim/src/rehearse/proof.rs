@@ -204,7 +204,7 @@ fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>
     ends
 }
 
-/// A row for each drive and time: predicted over observed, and what 95 % of drives would have.
+/// A row for each drive and time: predicted over observed, and its interval over 95 % of drives.
 pub fn overview(rows: &[Row]) -> Table {
     let mut header = cells(["drive", "without GNSS, s", "outages"]);
     header.extend(PREDICTED.map(|quantity| QUANTITIES[quantity].name.to_owned()));

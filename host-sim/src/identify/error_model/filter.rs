@@ -14,7 +14,7 @@ use crate::sim::ErrorModel;
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
 
-/// Velocity error, tilt, random part of the biases of gyros and accelerometers.
+/// States: velocity error, tilt, random part of the biases of gyros and accelerometers.
 const VELOCITY: usize = 0;
 const TILT: usize = 2;
 const RANDOM: usize = 5;
@@ -54,7 +54,7 @@ const LATENCY_SIGMA: f64 = 0.1;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Class {
     pub accel_bias_mps2: f64,
-    /// Their drift, m/s^2.
+    /// Random part of the accelerometer biases, m/s^2.
     pub accel_dynamics: Dynamics,
     pub accel_scale: f64,
     pub gyro_scale: f64,

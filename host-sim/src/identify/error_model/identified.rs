@@ -489,7 +489,7 @@ fn not_below_rest(in_motion: Interval, at_rest: &Interval) -> Interval {
     }
 }
 
-/// One value if all drives agree on it, else bounds of what they scatter over.
+/// One value if all drives agree on it, else the bounds of a uniform distribution.
 fn latency_bounds(latencies: &[Measured]) -> Option<[Interval; 2]> {
     if latencies.is_empty() {
         return None;
@@ -630,7 +630,7 @@ mod tests {
         ] {
             for seed in 1..=8 {
                 let mut record = drive_record(seed, &model, grade, 4.0);
-                // A drive that stands nowhere, and is short.
+                // A short drive without a rest.
                 record
                     .epochs
                     .retain(|epoch| epoch.rest_rate_radps.is_none());

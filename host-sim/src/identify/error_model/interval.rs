@@ -257,7 +257,7 @@ mod tests {
 
     const TRIALS: u32 = 2000;
 
-    /// Of 2000 honest intervals 1900 +- 9.7 hold the truth; four standard deviations.
+    /// Of 2000 correct intervals 1900 +- 9.7 hold the truth; four standard deviations.
     fn assert_covers(name: &str, mut trial: impl FnMut(&mut Random) -> bool) {
         let mut random = Random::stream(11, name);
         let held = (0..TRIALS).filter(|_| trial(&mut random)).count();

@@ -31,7 +31,7 @@ const MOVING_MPS: f64 = 0.6;
 const STALE_FIX_S: f64 = 2.0;
 /// Blocks at both ends of a rest that are left out: the vehicle still rocks, and GNSS speed is late.
 const MARGIN_BLOCKS: usize = 2;
-/// Time after the first solution at which a core that never knows its azimuth is as good as it will be, s.
+/// Time from the first solution until a core that never knows its azimuth has settled, s.
 const SETTLE_S: f64 = 60.0;
 /// Velocity differences above this many times their median are left out.
 const OUTLIER: f64 = 8.0;
