@@ -1,4 +1,4 @@
-//! Whether a log can be meant as it stands: units, axes, time scales; positions against velocities.
+//! Plausibility of a log: units, axes, time scales, positions against velocities.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
@@ -9,17 +9,16 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::clock::set_clock;
 use super::error::{Findings, LogError};
-use super::fixes::mend_fixes;
+use super::fixes::repair_fixes;
 use super::meta::BodyAxes;
-use super::motion::{check_axes, check_readings, check_turns, turning};
+use super::motion::{check_axes, check_readings, check_turns, turn_rate_fit};
 use super::rates::Rates;
-use super::sensors::mend_sensors;
-use super::typical::{SHORT_S, likeliest, median, median_interval_s, within};
+use super::sensors::repair_sensors;
+use super::series::{ALIGNMENT_S, median, median_interval_s, nearest_known, within};
 use super::{GRAVITY_MPS2, Log};
 use crate::statistics::Line;
 
-/// Refuses what in a log of these files cannot be meant, mends what is certain, warns of what looks
-/// suspicious.
+/// Checks a log of these files: refuses impossible data, repairs known defects, warns of suspicious ones.
 pub(super) fn check(
     log: &mut Log,
     imu: &Path,
@@ -31,7 +30,7 @@ pub(super) fn check(
         gnss,
         warnings,
     };
-    keep_one_time(log, findings);
+    keep_one_recording(log, findings);
     if log.imu.len() < 2 {
         let expected = "inertial samples all along the drive";
         let cause = "the logger stopped, or most of the file is lost";
@@ -39,42 +38,42 @@ pub(super) fn check(
     }
     let interval_s = median_interval_s(log.imu.times());
     check_intervals(log, interval_s, findings)?;
-    mend_fixes(log, findings)?;
+    repair_fixes(log, findings)?;
     let mut rates = Rates::of(log, interval_s);
     check_accelerometer_unit(log, &rates, findings)?;
     let per_second = 1.0 / log.meta.imu.per_rate(interval_s);
-    if mend_sensors(log, per_second, findings)? {
+    if repair_sensors(log, per_second, findings)? {
         rates = Rates::of(log, median_interval_s(log.imu.times()));
     }
     check_gravity_axis(log, &rates, findings)?;
-    let together = set_clock(log, &rates, findings)?;
-    keep_place(log);
-    let turning = turning(log, &rates);
-    let turning = turning.as_ref();
-    check_paths(log, turning, findings)?;
-    check_turns(turning, together, log.duration_s(), &rates, findings)?;
-    let told = findings.warnings.len();
-    check_axes(log, turning, &rates, findings);
-    // A track or gravity tells more exactly what the motion as a whole tells of any unit.
-    if findings.warnings.len() == told {
+    let same_motion = set_clock(log, &rates, findings)?;
+    keep_only_position(log);
+    let turns = turn_rate_fit(log, &rates);
+    let turns = turns.as_ref();
+    check_displacements(log, turns, findings)?;
+    check_turns(turns, same_motion, log.duration_s(), &rates, findings)?;
+    let warned = findings.warnings.len();
+    check_axes(log, turns, &rates, findings);
+    // These checks are more specific than that by the motion as a whole.
+    if findings.warnings.len() == warned {
         check_readings(log, &rates, findings)?;
     }
     Ok(())
 }
 
-/// Longest hole in one recording, s: what comes after it has damaged stamps.
-const ANOTHER_TIME_S: f64 = 86_400.0;
+/// Longest gap within one recording, s: across a longer one stamps are damaged.
+const LONGEST_GAP_S: f64 = 86_400.0;
 
-/// Leaves out samples of quite another time than most.
-fn keep_one_time(log: &mut Log, findings: &mut Findings) {
-    // Where the whole is shorter nothing need be read once more.
-    if log.duration_s() < ANOTHER_TIME_S {
+/// Leaves out samples far in time from most.
+fn keep_one_recording(log: &mut Log, findings: &mut Findings) {
+    // A shorter log has no such gap, and is not read again.
+    if log.duration_s() < LONGEST_GAP_S {
         return;
     }
     let mut pieces: Vec<(Time, Time, usize)> = Vec::new();
     for time in log.imu.times() {
         match pieces.last_mut() {
-            Some((_, end, count)) if time.seconds_since(*end) < ANOTHER_TIME_S => {
+            Some((_, end, count)) if time.seconds_since(*end) < LONGEST_GAP_S => {
                 (*end, *count) = (time, *count + 1);
             }
             _ => pieces.push((time, time, 1)),
@@ -84,26 +83,26 @@ fn keep_one_time(log: &mut Log, findings: &mut Findings) {
     let Some((start, end, count)) = most.filter(|_| pieces.len() > 1) else {
         return;
     };
-    let left = log.imu.len() - count;
+    let excess = log.imu.len() - count;
     log.imu = log
         .imu
         .between(*start, Time::from_micros(end.as_micros() + 1));
     let expected = "inertial samples of one recording, less than a day apart";
-    let found = format!("{left} of another time than the others");
+    let found = format!("{excess} of another time than the others");
     let cause = "damaged stamps, or two recordings in one: left out";
     findings.warn(findings.imu("t_s", expected, found, cause));
 }
 
-/// The one place of a receiver that writes none may stand before the first sample, where the core takes
-/// no fix.
-fn keep_place(log: &mut Log) {
+/// Keeps a position given only before the first sample, for a receiver without positions: the core uses no
+/// fix from before the samples.
+fn keep_only_position(log: &mut Log) {
     let start = log.start();
     let early = log.gnss.partition_point(|fix| fix.time < start);
     let (early, rest) = log.gnss.split_at_mut(early);
-    let place = early.iter().rev().find_map(|fix| fix.position);
+    let position = early.iter().rev().find_map(|fix| fix.position);
     let later = rest.iter().any(|fix| fix.position.is_some());
     if let Some(first) = rest.first_mut().filter(|_| !later) {
-        first.position = place;
+        first.position = position;
     }
 }
 
@@ -126,11 +125,11 @@ fn check_intervals(log: &Log, imu_s: f64, findings: &mut Findings) -> Result<(),
     let milliseconds = "milliseconds for seconds: divide t_s by 1000";
     let nanoseconds = "microseconds or nanoseconds for seconds";
     let dense = imu_s < 5e-5 || imu_s < 5e-4 && fixes_s > 30.0 * log.duration_s();
-    // A strapdown needs ten samples a second at the very least; receivers give 0.1 to 20 fixes.
+    // Strapdown navigation needs at least ten samples a second; receivers give 0.1 to 20 fixes a second.
     if imu_s > 200.0 {
         return imu(nanoseconds);
     } else if imu_s > 0.5 {
-        // Seconds are right where both files last as long.
+        // The unit is right where both files have the same duration.
         let slow = "too slow for inertial navigation, which needs ten samples a second and more";
         let as_long = gnss_s < 30.0 && within(fixes_s, log.duration_s(), 2.0);
         return imu(if as_long { slow } else { milliseconds });
@@ -153,7 +152,7 @@ fn check_intervals(log: &Log, imu_s: f64, findings: &mut Findings) -> Result<(),
         let expected = "GNSS fixes 0.05 to 2 s apart";
         findings.warn(findings.gnss("t_s", expected, found, cause));
     }
-    if log.duration_s() < SHORT_S {
+    if log.duration_s() < ALIGNMENT_S {
         let found = format!("{:.1} s", log.duration_s());
         let cause = "too short to align and to manoeuvre: nothing can be found";
         findings.warn(findings.imu("", "a minute of motion and more", found, cause));
@@ -166,9 +165,9 @@ fn check_accelerometer_unit(
     rates: &Rates,
     findings: &mut Findings,
 ) -> Result<(), LogError> {
-    let (norm, interval) = (rates.typical.force_norm_mps2, rates.typical.interval_s);
+    let (norm, interval) = (rates.median.force_norm_mps2, rates.median.interval_s);
     let near_g = "a median specific force near 9.81 m/s^2";
-    // Beyond a fifth no unit is near, but a racing multirotor is; a unit is off by three times.
+    // Wide for a racing multirotor; a wrong unit is off by three times or more.
     if within(norm, GRAVITY_MPS2, 2.0) {
         // 5 %: twice the worst scale error and bias of consumer sensors.
         if !within(norm, GRAVITY_MPS2, 1.05) {
@@ -181,7 +180,7 @@ fn check_accelerometer_unit(
     let g = GRAVITY_MPS2;
     let to_increments = "increments for rates: say imu = \"increments\" in meta.toml";
     let to_rates = "rates for increments: say imu = \"rates\" in meta.toml";
-    let (expected, guesses) = match log.meta.imu {
+    let (expected, units) = match log.meta.imu {
         ImuOutput::Rates => (
             near_g,
             [
@@ -204,29 +203,27 @@ fn check_accelerometer_unit(
             ],
         ),
     };
-    let mut fitting = guesses
-        .iter()
-        .filter(|(value, _)| within(norm, *value, 1.3));
-    // Increments and rates are mistaken in the gyros too, units of the accelerometers are not.
-    let sound = turning(log, rates)
+    let mut fitting = units.iter().filter(|(value, _)| within(norm, *value, 1.3));
+    // Increments for rates concern the gyros, too; units of the accelerometers do not.
+    let gyros_are_right = turn_rate_fit(log, rates)
         .filter(|fit| fit.correlation.abs() > 0.8)
         .is_some_and(|fit| within(fit.slope.abs(), 1.0, 1.5));
-    let likeliest = if sound {
+    let likely = if gyros_are_right {
         fitting.next()
     } else {
         fitting.next_back()
     };
     let other = "another unit, or not the accelerometer's columns";
-    let cause = likeliest.map_or(other, |(_, cause)| cause);
+    let cause = likely.map_or(other, |(_, cause)| cause);
     Err(findings.imu("accel", expected, format!("{norm:.4}"), cause))
 }
 
 fn check_gravity_axis(log: &Log, rates: &Rates, findings: &mut Findings) -> Result<(), LogError> {
-    // Over minutes the vehicle's own accelerations cancel, and what is left points up.
-    let mean = rates.typical.force_mps2;
+    // Over minutes the vehicle's own accelerations cancel, and the specific force points up.
+    let mean = rates.median.force_mps2;
     let axes = log.meta.body_axes;
     let tilt_deg = (mean.z / mean.norm()).clamp(-1.0, 1.0).acos().to_degrees();
-    // Banked turns keep the mean along the aircraft's up axis, so only a mount tilts it.
+    // In banked turns specific force stays along the aircraft's up axis: only the mount tilts it.
     if tilt_deg < 30.0 {
         return Ok(());
     }
@@ -241,7 +238,7 @@ fn check_gravity_axis(log: &Log, rates: &Rates, findings: &mut Findings) -> Resu
     let reaction = if z == "up" { '+' } else { '-' };
     let expected = format!("gravity's reaction, {reaction}9.81 m/s^2, on z ({z} in {axes})");
     let defect = findings.imu("accel", expected, found, gravity_cause(own, axes));
-    // A sensor may well be mounted tilted; beyond 60 degrees another axis is the vertical one.
+    // A mount may be tilted; beyond 60 deg another axis is the vertical one.
     if tilt_deg > 60.0 {
         return Err(defect);
     }
@@ -271,51 +268,51 @@ fn gravity_cause(own: Vector3<f64>, declared: BodyAxes) -> String {
     )
 }
 
-/// Whether the way from position to position is the integral of velocity.
-pub(super) fn check_paths(
+/// Whether displacements between positions are the integral of velocity.
+pub(super) fn check_displacements(
     log: &Log,
-    turning: Option<&Line>,
+    turns: Option<&Line>,
     findings: &mut Findings,
 ) -> Result<(), LogError> {
-    // So many make the median firm against multipath.
+    // Enough for the median to be robust against multipath.
     let steps_of = |length| Some(steps(&log.gnss, length)).filter(|steps| steps.len() >= 10);
     let Some(steps) = steps_of(STEP_M) else {
         return Ok(());
     };
-    let mut ratio = ratio_of(&steps);
-    // Steps in a far smaller unit are so short that they show the noise of positions.
+    let mut ratio = distance_ratio(&steps);
+    // In a far smaller unit of velocity the steps are so short that position noise dominates.
     if ratio < 0.1
         && let Some(longer) = steps_of(4.0 * STEP_M / ratio)
     {
-        ratio = ratio_of(&longer);
+        ratio = distance_ratio(&longer);
     }
-    let apart = |turn: &Matrix2<f64>| apart_deg(&steps, turn);
+    let off_deg = |turn: &Matrix2<f64>| course_difference_deg(&steps, turn);
     let is_right = |ratio: f64, steps: &[Step]| {
-        within(ratio, 1.0, 1.25) && apart_deg(steps, &Matrix2::identity()) < 15.0
+        within(ratio, 1.0, 1.25) && course_difference_deg(steps, &Matrix2::identity()) < 15.0
     };
     if !is_right(ratio, &steps)
-        && let Some(exchanged) = exchanged(&log.gnss)
-        && let steps = self::steps(&exchanged, STEP_M)
-        && is_right(ratio_of(&steps), &steps)
+        && let Some(swapped) = swapped_lat_lon(&log.gnss)
+        && let steps = self::steps(&swapped, STEP_M)
+        && is_right(distance_ratio(&steps), &steps)
     {
         let expected = "positions along the velocity";
         let found = "such, with latitude for longitude";
         let cause = "columns lat_deg and lon_deg swapped";
-        return Err(findings.gnss(LEVEL_COLUMNS, expected, found, cause));
+        return Err(findings.gnss(HORIZONTAL_COLUMNS, expected, found, cause));
     }
     if !within(ratio, 1.0, 1.25) {
-        return unequal_paths(ratio, within_radians(log), findings);
+        return unequal_distances(ratio, within_radians(log), findings);
     }
-    // Courses agree to a few degrees where units and names are right.
-    let as_is = apart(&Matrix2::identity());
-    let guesses = guesses(turning).map(|(turn, cause)| (apart(&turn), cause));
-    let best = guesses.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    // Courses agree to a few degrees where units and columns are right.
+    let as_is = off_deg(&Matrix2::identity());
+    let hypotheses = hypotheses(turns).map(|(turn, cause)| (off_deg(&turn), cause));
+    let best = hypotheses.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
     let defect = |cause: &str| {
         let expected = "velocity along the way from position to position";
         let found = format!("{as_is:.0} deg between them (median)");
-        findings.gnss(LEVEL_COLUMNS, expected, found, cause)
+        findings.gnss(HORIZONTAL_COLUMNS, expected, found, cause)
     };
-    // A route along one diagonal hides swapped columns from its median, but not from a better one.
+    // On a route along a diagonal swapped columns have a small median, but right ones a smaller one.
     let best = best.filter(|(off, _)| *off < 15.0 && as_is > 3.0 * off + 10.0);
     if let Some((_, cause)) = best {
         return Err(defect(cause));
@@ -327,20 +324,20 @@ pub(super) fn check_paths(
     Ok(())
 }
 
-/// How many times as far as velocities say the way is from position to position.
-fn ratio_of(steps: &[Step]) -> f64 {
+/// Median ratio of displacements by positions to those by velocities.
+fn distance_ratio(steps: &[Step]) -> f64 {
     median((steps.iter()).map(|s| s.moved_m.norm() / s.integrated_m.norm()))
 }
 
-/// By how much the two differ in course, with the velocities turned, deg.
-fn apart_deg(steps: &[Step], turn: &Matrix2<f64>) -> f64 {
+/// Median difference of their courses, with the velocities transformed, deg.
+fn course_difference_deg(steps: &[Step], turn: &Matrix2<f64>) -> f64 {
     let degrees = |s: &Step| s.moved_m.angle(&(turn * s.integrated_m)).to_degrees();
     median(steps.iter().map(degrees))
 }
 
-/// The fixes with latitude for longitude, if that is possible.
-fn exchanged(fixes: &[GnssFix]) -> Option<Vec<GnssFix>> {
-    let exchange = |fix: &GnssFix| {
+/// The fixes with latitude and longitude swapped, if that is possible.
+fn swapped_lat_lon(fixes: &[GnssFix]) -> Option<Vec<GnssFix>> {
+    let swap = |fix: &GnssFix| {
         let position = match fix.position {
             Some(at) if at.longitude_rad.abs() > FRAC_PI_2 => return None,
             position => position.map(|at| LatLon {
@@ -350,13 +347,13 @@ fn exchanged(fixes: &[GnssFix]) -> Option<Vec<GnssFix>> {
         };
         Some(GnssFix { position, ..*fix })
     };
-    fixes.iter().map(exchange).collect()
+    fixes.iter().map(swap).collect()
 }
 
-/// How velocities would have to be turned to go along the positions, and what that means. Gyros
-/// tell a sign of velocity from one of positions: they turn as velocity does, or they do not.
-fn guesses(turning: Option<&Line>) -> [(Matrix2<f64>, &'static str); 5] {
-    let (west, south) = match turning.map(|fit| fit.slope > 0.0) {
+/// Transformations of velocity that may align it with positions, and their causes. The sign of the turn
+/// rate fit shows whether velocity or position has the wrong sign.
+fn hypotheses(turns: Option<&Line>) -> [(Matrix2<f64>, &'static str); 5] {
+    let (west, south) = match turns.map(|fit| fit.slope > 0.0) {
         Some(true) => ("the sign of lon_deg is lost", "the sign of lat_deg is lost"),
         Some(false) => ("ve positive to the west", "vn positive to the south"),
         None => (
@@ -375,18 +372,18 @@ fn guesses(turning: Option<&Line>) -> [(Matrix2<f64>, &'static str); 5] {
     ]
 }
 
-const LEVEL_COLUMNS: &str = "lat_deg, lon_deg, ve, vn";
+const HORIZONTAL_COLUMNS: &str = "lat_deg, lon_deg, ve, vn";
 
-/// Horizontal way between two fixes, from positions and from velocities.
+/// Horizontal displacement between two fixes, by positions and by velocities.
 struct Step {
     moved_m: Vector2<f64>,
     integrated_m: Vector2<f64>,
 }
 
-/// Length of a step, m: ten times the noise of a plain receiver's positions.
+/// Length of a step, m: ten times the position noise of a single-frequency receiver.
 const STEP_M: f64 = 20.0;
 
-/// Cuts the way into steps of so many metres of velocity; holes of three seconds are left out.
+/// Displacements of this length by velocities; gaps of three seconds are left out.
 fn steps(fixes: &[GnssFix], length_m: f64) -> Vec<Step> {
     let mut steps = Vec::new();
     let mut start = fixes[0];
@@ -394,8 +391,8 @@ fn steps(fixes: &[GnssFix], length_m: f64) -> Vec<Step> {
     for pair in fixes.windows(2) {
         let interval_s = pair[1].time.seconds_since(pair[0].time);
         let ends = pair[0].velocity_en_mps.zip(pair[1].velocity_en_mps);
-        let places = start.geodetic_or(0.0).zip(pair[1].geodetic_or(0.0));
-        let (Some((a, b)), Some((from, to)), true) = (ends, places, interval_s < 3.0) else {
+        let positions = start.geodetic_or(0.0).zip(pair[1].geodetic_or(0.0));
+        let (Some((a, b)), Some((from, to)), true) = (ends, positions, interval_s < 3.0) else {
             (start, integrated_m) = (pair[1], Vector2::zeros());
             continue;
         };
@@ -413,19 +410,19 @@ fn steps(fixes: &[GnssFix], length_m: f64) -> Vec<Step> {
     steps
 }
 
-/// Whether the columns of degrees hold nothing that could not be radians.
+/// Whether all positions would be in range as radians.
 fn within_radians(log: &Log) -> bool {
     let bounds = (FRAC_PI_2.to_radians(), PI.to_radians());
     let mut positions = log.gnss.iter().filter_map(|fix| fix.position);
     positions.all(|p| p.latitude_rad.abs() <= bounds.0 && p.longitude_rad.abs() <= bounds.1)
 }
 
-fn unequal_paths(
+fn unequal_distances(
     ratio: f64,
     within_radians: bool,
     findings: &mut Findings,
 ) -> Result<(), LogError> {
-    let guesses = [
+    let units = [
         (1.0 / 3.6, "km/h for m/s in ve and vn"),
         (0.5144, "knots for m/s in ve and vn"),
         (0.447, "miles per hour for m/s in ve and vn"),
@@ -435,14 +432,14 @@ fn unequal_paths(
     ];
     let expected = "the way between positions to equal the integral of velocity";
     let found = format!("{ratio:.4} of it (median)");
-    // Radians make the way east too long besides, by the cosine of the true latitude.
+    // Radians for degrees also stretch east displacements, by the cosine of the true latitude.
     let likely = if within_radians && (0.016..0.1).contains(&ratio) {
         Some("radians for degrees in lat_deg and lon_deg")
     } else {
-        likeliest(guesses, ratio, 1.07)
+        nearest_known(units, ratio, 1.07)
     };
     let cause = likely.unwrap_or("another unit, or positions that do not follow the motion");
-    let defect = findings.gnss(LEVEL_COLUMNS, expected, found, cause);
+    let defect = findings.gnss(HORIZONTAL_COLUMNS, expected, found, cause);
     if likely.is_some() {
         return Err(defect);
     }

@@ -1,4 +1,4 @@
-//! Fixes that a logger or a receiver made worse than they are, mended where that is certain.
+//! Known defects of fixes by loggers and receivers, and their repair.
 
 use ins_core::GnssFix;
 use ins_core::earth::LatLon;
@@ -6,39 +6,39 @@ use nalgebra::Vector2;
 
 use super::Log;
 use super::error::{Findings, LogError};
-use super::typical::median;
+use super::series::median;
 use crate::statistics::Line;
 
-/// Speed above which a vehicle moves beyond doubt, m/s: ten times a receiver's noise.
+/// Least speed of certain motion, m/s: ten times a receiver's noise.
 const MOVING_MPS: f64 = 1.0;
-/// Way that no receiver can go without another position, m: the coarsest ones write 1e-5 deg.
-const UNSEEN_M: f64 = 2.0;
+/// Distance travelled with one position that shows it is stuck, m: the coarsest resolution is 1e-5 deg.
+const STUCK_DISTANCE_M: f64 = 2.0;
 
-const NEVER: &str = "the receiver never had a fix";
+const NO_FIX: &str = "the receiver never had a fix";
 
-/// Leaves out what is no measurement, turns what is upside down.
-pub(super) fn mend_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
-    let mut mend = Mend {
+/// Leaves out values that are no measurements, and corrects the sign of vertical velocity.
+pub(super) fn repair_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
+    let mut repair = Repair {
         fixes: &mut log.gnss,
         findings,
     };
-    mend.rows_without_fix()?;
-    mend.repeated_fixes();
-    mend.stuck_positions();
-    mend.repeated_velocities();
-    mend.empty_climb();
-    mend.climb_of_the_wrong_sign();
-    mend.differenced_velocity();
-    mend.wide_spreads();
-    mend.what_is_missing()
+    repair.rows_without_fix()?;
+    repair.repeated_fixes();
+    repair.stuck_positions();
+    repair.repeated_velocities();
+    repair.unmeasured_climb();
+    repair.climb_sign_and_unit();
+    repair.differenced_velocity();
+    repair.large_sigmas();
+    repair.missing_parts()
 }
 
-struct Mend<'a, 'b> {
+struct Repair<'a, 'b> {
     fixes: &'a mut Vec<GnssFix>,
     findings: &'a mut Findings<'b>,
 }
 
-impl Mend<'_, '_> {
+impl Repair<'_, '_> {
     fn warn(&mut self, column: &str, expected: &str, found: String, cause: &str) {
         let defect = self.findings.gnss(column, expected, found, cause);
         self.findings.warn(defect);
@@ -48,27 +48,27 @@ impl Mend<'_, '_> {
         self.fixes.iter().filter(|fix| which(fix)).count()
     }
 
-    /// Of fixes and the next.
+    /// Number of pairs of successive fixes.
     fn count_pairs(&self, which: impl Fn(&GnssFix, &GnssFix) -> bool) -> usize {
         let pairs = self.fixes.windows(2);
         pairs.filter(|pair| which(&pair[0], &pair[1])).count()
     }
 
-    /// Zero latitude and longitude stand for no fix, unless the whole drive is there.
+    /// Zero latitude and longitude mean no fix, unless all fixes have them.
     fn rows_without_fix(&mut self) -> Result<(), LogError> {
-        let none = |fix: &GnssFix| fix.position == Some(LatLon::default());
-        let count = self.count(|fix| none(fix));
+        let is_null = |fix: &GnssFix| fix.position == Some(LatLon::default());
+        let count = self.count(|fix| is_null(fix));
         let still = |fix: &GnssFix| fix.velocity_en_mps.is_none_or(|v| v == Vector2::zeros());
-        if count > 1 && self.fixes.iter().all(|fix| none(fix) && still(fix)) {
+        if count > 1 && self.fixes.iter().all(|fix| is_null(fix) && still(fix)) {
             let found = "zeros in every row";
             let columns = "lat_deg, lon_deg, ve, vn";
-            return Err(self.findings.gnss(columns, "a fix", found, NEVER));
+            return Err(self.findings.gnss(columns, "a fix", found, NO_FIX));
         }
         if count == 0 || count == self.count(|fix| fix.position.is_some()) {
             return Ok(());
         }
-        for fix in self.fixes.iter_mut().filter(|fix| none(fix)) {
-            // Velocity and height of a receiver without a position are none either.
+        for fix in self.fixes.iter_mut().filter(|fix| is_null(fix)) {
+            // Without a fix velocity and height are invalid, too.
             *fix = GnssFix {
                 time: fix.time,
                 ..GnssFix::default()
@@ -98,9 +98,9 @@ impl Mend<'_, '_> {
         if self.count_pairs(same) == 0 {
             return;
         }
-        // At rest fixes may well be equal, but come no faster.
-        let news = (self.fixes.windows(2)).filter(|w| moves(&w[0]) && !same(&w[0], &w[1]));
-        let changes: Vec<f64> = news.map(|w| w[1].time.as_seconds()).collect();
+        // At rest new fixes may equal the last, but arrive at no higher rate.
+        let changed = (self.fixes.windows(2)).filter(|w| moves(&w[0]) && !same(&w[0], &w[1]));
+        let changes: Vec<f64> = changed.map(|w| w[1].time.as_seconds()).collect();
         let period_s = median(changes.windows(2).map(|w| w[1] - w[0]));
         let before = self.fixes.len();
         let mut last: Option<GnssFix> = None;
@@ -125,27 +125,27 @@ impl Mend<'_, '_> {
         self.warn("lat_deg, lon_deg, ve, vn", expected, found, cause);
     }
 
-    /// Positions that stand still while velocity does not.
+    /// Positions that do not change while velocity is not zero.
     fn stuck_positions(&mut self) {
         let mut stuck = Vec::new();
         let mut run: Vec<usize> = Vec::new();
-        let mut unseen = Vector2::zeros();
+        let mut travelled = Vector2::zeros();
         for index in 1..self.fixes.len() {
             let (last, fix) = (self.fixes[index - 1], self.fixes[index]);
             let interval_s = fix.time.seconds_since(last.time);
             let velocity = fix.velocity_en_mps.unwrap_or_default();
             if fix.position.is_none() || fix.position != last.position || interval_s > 3.0 {
-                if unseen.norm() > UNSEEN_M {
+                if travelled.norm() > STUCK_DISTANCE_M {
                     stuck.append(&mut run);
                 }
                 run.clear();
-                unseen = Vector2::zeros();
+                travelled = Vector2::zeros();
                 continue;
             }
             run.push(index);
-            unseen += interval_s * velocity;
+            travelled += interval_s * velocity;
         }
-        if unseen.norm() > UNSEEN_M {
+        if travelled.norm() > STUCK_DISTANCE_M {
             stuck.append(&mut run);
         }
         if stuck.is_empty() {
@@ -163,13 +163,13 @@ impl Mend<'_, '_> {
         self.warn("lat_deg, lon_deg", expected, found, cause);
     }
 
-    /// Velocities that come less often than positions.
+    /// Velocities at a lower rate than positions.
     fn repeated_velocities(&mut self) {
         let same = |a: &GnssFix, b: &GnssFix| {
             a.velocity_en_mps == b.velocity_en_mps && a.position != b.position && moves(a)
         };
         let (moving, repeated) = (self.count_pairs(|a, _| moves(a)), self.count_pairs(same));
-        // Written twice they are half of all; a coarse unit alone never gets there.
+        // Written twice half of all are repeated; a coarse resolution alone does not reach this.
         if moving < 20 || (repeated as f64) < 0.4 * moving as f64 {
             return;
         }
@@ -187,14 +187,14 @@ impl Mend<'_, '_> {
         self.warn("ve, vn", "a new velocity in every row", found, cause);
     }
 
-    /// Vertical velocity that is never measured.
-    fn empty_climb(&mut self) {
+    /// Vertical velocity that is not measured, but zero.
+    fn unmeasured_climb(&mut self) {
         let climbs = self.count(|fix| fix.velocity_up_mps.is_some());
         let zeros = self.count(|fix| fix.velocity_up_mps == Some(0.0));
         let heights: Vec<f64> = self.fixes.iter().filter_map(|f| f.height_m).collect();
         let range = heights.iter().copied().fold(f64::MIN, f64::max)
             - heights.iter().copied().fold(f64::MAX, f64::min);
-        // Three times the noise of a plain receiver's heights.
+        // A range of three times the height noise of a single-frequency receiver.
         if climbs < 20 || heights.len() < 20 || range < 10.0 || zeros < climbs {
             return;
         }
@@ -206,8 +206,8 @@ impl Mend<'_, '_> {
         self.warn("vu", "vertical velocity, up positive", found, cause);
     }
 
-    /// Vertical velocity counted downwards, or in another unit.
-    fn climb_of_the_wrong_sign(&mut self) {
+    /// Vertical velocity with down positive, or in another unit.
+    fn climb_sign_and_unit(&mut self) {
         let Some(fit) = self.climb_against_heights() else {
             return;
         };
@@ -227,7 +227,7 @@ impl Mend<'_, '_> {
         }
     }
 
-    /// Height steps over integrals of vertical velocity; none where nothing climbs.
+    /// Fit of height steps over integrals of vertical velocity; none without climbs.
     fn climb_against_heights(&self) -> Option<Line> {
         const STEP_S: f64 = 5.0;
         let mut steps = Vec::new();
@@ -248,33 +248,32 @@ impl Mend<'_, '_> {
                 (start, integral_m) = (&pair[1], 0.0);
             }
         }
-        // A minute of climbs of 1.5 m and more: what heights show beyond their noise.
+        // A minute of climbs by more than 1.5 m, above the noise of heights.
         let climbing = steps.iter().filter(|s| s.0.abs() > 1.5).count();
         (climbing >= 12).then(|| Line::from_origin(steps.into_iter()))
     }
 
-    /// Velocity that is the difference of positions: late by half of what lies between, with their
-    /// noise.
+    /// Velocity that is a difference of positions: late by half of their interval, and with their noise.
     fn differenced_velocity(&mut self) {
-        let against = |apart: usize, of: fn(Vector2<f64>, Vector2<f64>) -> Vector2<f64>| {
-            let pairs = self.fixes.windows(apart + 1).filter_map(|window| {
-                let (first, last) = (&window[0], &window[apart]);
+        let difference = |span: usize, of: fn(Vector2<f64>, Vector2<f64>) -> Vector2<f64>| {
+            let pairs = self.fixes.windows(span + 1).filter_map(|window| {
+                let (first, last) = (&window[0], &window[span]);
                 let moved = last.geodetic_or(0.0)?.enu_from(&first.geodetic_or(0.0)?);
                 let mean = moved.xy() / last.time.seconds_since(first.time);
                 Some((mean - of(first.velocity_en_mps?, last.velocity_en_mps?)).norm())
             });
-            let off: Vec<f64> = pairs.collect();
-            (!off.is_empty()).then(|| median(off.into_iter()))
+            let differences: Vec<f64> = pairs.collect();
+            (!differences.is_empty()).then(|| median(differences.into_iter()))
         };
-        // Independent velocities differ from those of positions by the noise of both, the less the further
-        // these are apart, whichever end they are of.
-        let differenced = (1..=10).filter_map(|apart| {
-            let central = against(apart, |before, after| 0.5 * (before + after))?;
-            let backward = against(apart, |_, after| after)?;
+        // Independent velocities differ from those by positions by the noise of both, which decreases with
+        // the span, whichever end they are of.
+        let differenced = (1..=10).filter_map(|span| {
+            let central = difference(span, |before, after| 0.5 * (before + after))?;
+            let backward = difference(span, |_, after| after)?;
             (central > 0.02 && backward < 0.1 * central).then_some(backward)
         });
-        let many = self.fixes.len() >= 50;
-        let Some(backward) = differenced.min_by(f64::total_cmp).filter(|_| many) else {
+        let enough = self.fixes.len() >= 50;
+        let Some(backward) = differenced.min_by(f64::total_cmp).filter(|_| enough) else {
             return;
         };
         let found = format!("the difference of two positions, to {backward:.4} m/s");
@@ -284,8 +283,8 @@ impl Mend<'_, '_> {
         self.warn("ve, vn", expected, found, cause);
     }
 
-    /// Spreads that no receiver with a fix has.
-    fn wide_spreads(&mut self) {
+    /// Sigmas too large for a receiver with a fix.
+    fn large_sigmas(&mut self) {
         type Part = fn(&GnssFix) -> Option<f64>;
         let parts: [(&str, &str, f64, Part); 4] = [
             ("sd_n, sd_e", "m", 100.0, |fix| fix.sigma.position_m),
@@ -293,20 +292,20 @@ impl Mend<'_, '_> {
             ("sd_v", "m/s", 10.0, |fix| fix.sigma.velocity_mps),
             ("sd_vu", "m/s", 10.0, |fix| fix.sigma.velocity_up_mps),
         ];
-        for (column, unit, most, part) in parts {
-            let typical = median(self.fixes.iter().filter_map(part));
-            if typical > most {
-                let expected = format!("spreads in {unit}, mostly below {most}");
-                let found = format!("a median of {typical:.0} {unit}");
+        for (column, unit, max, part) in parts {
+            let median_sigma = median(self.fixes.iter().filter_map(part));
+            if median_sigma > max {
+                let expected = format!("spreads in {unit}, mostly below {max}");
+                let found = format!("a median of {median_sigma:.0} {unit}");
                 let cause = format!("m{unit} for {unit}? Fixes weigh by it");
                 self.warn(column, &expected, found, &cause);
             }
         }
     }
 
-    fn what_is_missing(&mut self) -> Result<(), LogError> {
+    fn missing_parts(&mut self) -> Result<(), LogError> {
         if self.fixes.is_empty() {
-            return Err(self.findings.gnss("", "a fix", "none", NEVER));
+            return Err(self.findings.gnss("", "a fix", "none", NO_FIX));
         }
         if self.count(|fix| fix.position.is_some()) == 0 {
             let cause = "gravity and the Earth's rate hang on the latitude, and without nothing can \

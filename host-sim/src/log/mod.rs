@@ -2,7 +2,7 @@
 //! `truth.csv`.
 //!
 //! In memory everything is in the core's types: body right-forward-up, SI, integer microseconds.
-//! The log's own axes and units live only in [`read()`] and [`write()`].
+//! Only [`read()`] and [`write()`] know the log's own axes and units.
 
 mod barometer;
 mod check;
@@ -17,22 +17,22 @@ mod rates;
 mod read;
 mod samples;
 mod sensors;
+mod series;
 mod table;
-mod typical;
 mod write;
 
 pub use error::LogError;
 pub use meta::{BodyAxes, Grade, Meta};
 pub use read::read;
 pub use samples::Samples;
-pub(crate) use typical::median;
-use typical::median_interval_s;
+pub(crate) use series::median;
+use series::median_interval_s;
 pub(crate) use write::numbers;
 pub use write::{Compression, write};
 
 use ins_core::{BaroHeight, GnssFix, Solution, Time};
 
-/// Of any place, where what it differs by does not matter.
+/// Nominal gravity, where its variation with position does not matter.
 pub(crate) const GRAVITY_MPS2: f64 = 9.81;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -57,51 +57,51 @@ impl Log {
         }
     }
 
-    /// Stamp of the first inertial sample: differences from it are exact enough in f64.
+    /// Time of the first inertial sample: differences from it are exact enough in f64.
     pub fn start(&self) -> Time {
         self.imu.first().map_or(Time::default(), |first| first.time)
     }
 
-    /// What was recorded from one time to before another.
+    /// The part from one time to before another.
     #[must_use]
     pub fn between(&self, from: Time, to: Time) -> Self {
         let starts_here = self.imu.first().is_none_or(|sample| from <= sample.time);
         Self {
             meta: Meta {
-                // Known for the first sample only.
+                // Stated for the first sample only.
                 initial_heading_deg: self.meta.initial_heading_deg.filter(|_| starts_here),
                 ..self.meta.clone()
             },
             imu: self.imu.between(from, to),
-            gnss: part(&self.gnss, |fix| fix.time, from, to),
-            baro: part(&self.baro, |height| height.time, from, to),
-            truth: part(&self.truth, |truth| truth.time, from, to),
+            gnss: rows_between(&self.gnss, |fix| fix.time, from, to),
+            baro: rows_between(&self.baro, |height| height.time, from, to),
+            truth: rows_between(&self.truth, |truth| truth.time, from, to),
         }
     }
 
-    /// Typical rate of the inertial samples: holes do not count. Zero of a single one.
+    /// Median rate of the inertial samples, so that gaps do not count; zero of a single one.
     pub fn imu_rate_hz(&self) -> f64 {
         rate_hz(self.imu.times())
     }
 
-    /// The same of the fixes.
+    /// Median rate of the fixes.
     pub fn fix_rate_hz(&self) -> f64 {
         rate_hz(self.gnss.iter().map(|fix| fix.time))
     }
 
-    /// The log up to the middle of its inertial samples; fixes from before them go with it.
+    /// The log up to the middle of its inertial samples, with the fixes before them.
     #[must_use]
     pub fn first_half(&self) -> Self {
         self.between(Time::from_micros(i64::MIN), self.middle())
     }
 
-    /// The log from there on; fixes from after the samples go with it.
+    /// The log from there on, with the fixes after the samples.
     #[must_use]
     pub fn second_half(&self) -> Self {
         self.between(self.middle(), Time::from_micros(i64::MAX))
     }
 
-    /// Where the second half begins.
+    /// Start of the second half.
     pub fn middle(&self) -> Time {
         self.start().plus_seconds(0.5 * self.duration_s())
     }
@@ -114,7 +114,7 @@ fn rate_hz(times: impl Iterator<Item = Time>) -> f64 {
     }
 }
 
-fn part<T: Clone>(rows: &[T], time: fn(&T) -> Time, from: Time, to: Time) -> Vec<T> {
+fn rows_between<T: Clone>(rows: &[T], time: fn(&T) -> Time, from: Time, to: Time) -> Vec<T> {
     let at = |limit: Time| rows.partition_point(|row| time(row) < limit);
     rows[at(from)..at(to).max(at(from))].to_vec()
 }
@@ -126,7 +126,7 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn halves_share_nothing_and_lose_nothing() {
+    fn halves_partition_the_log() {
         let sample = |micros| ImuSample {
             time: Time::from_micros(micros),
             gyro: Vector3::zeros(),

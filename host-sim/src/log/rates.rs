@@ -1,12 +1,12 @@
-//! Inertial samples as rates, whatever the log holds.
+//! Inertial samples as angular rates and specific forces, whether the log holds rates or increments.
 
 use ins_core::ImuOutput;
 use nalgebra::Vector3;
 
-use super::typical::{Curve, Series};
+use super::series::{Curve, Series};
 use super::{Log, Samples};
 
-/// An inertial sample as rates, whatever the log holds.
+/// An inertial sample as angular rate and specific force.
 #[derive(Clone, Copy)]
 pub(super) struct Rate {
     pub(super) time_s: f64,
@@ -15,33 +15,32 @@ pub(super) struct Rate {
     pub(super) accel_mps2: Vector3<f64>,
 }
 
-/// Samples as rates, seconds from the first one, and what is typical of them.
+/// Samples as rates, s from the first one, and their medians.
 pub(super) struct Rates<'a> {
     samples: Samples,
     output: ImuOutput,
     first_interval_s: f64,
-    read: &'a dyn Fn(&mut Rate),
-    pub(super) typical: Typical,
+    remap: &'a dyn Fn(&mut Rate),
+    pub(super) median: Medians,
+    pub(super) mean_gyro_radps: Vector3<f64>,
 }
 
-/// Medians: the few seconds of spikes and manoeuvres do not count.
+/// Robust against some seconds of spikes and manoeuvres.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Typical {
+pub(super) struct Medians {
     pub(super) interval_s: f64,
     pub(super) force_mps2: Vector3<f64>,
     pub(super) force_norm_mps2: f64,
     pub(super) gyro_radps: Vector3<f64>,
     pub(super) gyro_norm_radps: f64,
-    /// No median.
-    pub(super) mean_gyro_radps: Vector3<f64>,
 }
 
-fn as_it_is(_: &mut Rate) {}
+fn unchanged(_: &mut Rate) {}
 
 impl<'a> Rates<'a> {
-    /// Of a log whose samples are so far apart, typically.
+    /// Of a log with this median sample interval.
     pub(super) fn of(log: &Log, interval_s: f64) -> Self {
-        Self::new(log.imu.clone(), log.meta.imu, interval_s, &as_it_is)
+        Self::new(log.imu.clone(), log.meta.imu, interval_s, &unchanged)
     }
 
     /// Those before a time.
@@ -50,28 +49,28 @@ impl<'a> Rates<'a> {
             Some(first) => (self.samples).between(first.time, first.time.plus_seconds(end_s)),
             None => self.samples.clone(),
         };
-        Self::new(samples, self.output, self.first_interval_s, self.read)
+        Self::new(samples, self.output, self.first_interval_s, self.remap)
     }
 
-    /// The same samples, with signs and axes read in another way.
-    pub(super) fn read_as<'b>(&self, read: &'b dyn Fn(&mut Rate)) -> Rates<'b> {
-        let mut typical = self.typical;
-        // What is typical of the readings turns with them.
+    /// The same samples with other units, signs or axes.
+    pub(super) fn remapped<'b>(&self, remap: &'b dyn Fn(&mut Rate)) -> Rates<'b> {
+        let mut median = self.median;
         let mut rate = Rate {
             time_s: 0.0,
-            interval_s: typical.interval_s,
-            gyro_radps: typical.gyro_radps,
-            accel_mps2: typical.force_mps2,
+            interval_s: median.interval_s,
+            gyro_radps: median.gyro_radps,
+            accel_mps2: median.force_mps2,
         };
-        read(&mut rate);
-        typical.gyro_radps = rate.gyro_radps;
-        typical.force_mps2 = rate.accel_mps2;
+        remap(&mut rate);
+        median.gyro_radps = rate.gyro_radps;
+        median.force_mps2 = rate.accel_mps2;
         Rates {
             samples: self.samples.clone(),
             output: self.output,
             first_interval_s: self.first_interval_s,
-            read,
-            typical,
+            remap,
+            median,
+            mean_gyro_radps: self.mean_gyro_radps,
         }
     }
 
@@ -79,16 +78,17 @@ impl<'a> Rates<'a> {
         samples: Samples,
         output: ImuOutput,
         first_interval_s: f64,
-        read: &'a dyn Fn(&mut Rate),
+        remap: &'a dyn Fn(&mut Rate),
     ) -> Self {
         let mut rates = Self {
             samples,
             output,
             first_interval_s,
-            read,
-            typical: Typical::default(),
+            remap,
+            median: Medians::default(),
+            mean_gyro_radps: Vector3::zeros(),
         };
-        rates.typical = Typical::of(rates.iter());
+        (rates.median, rates.mean_gyro_radps) = medians_and_mean_gyro(rates.iter());
         rates
     }
 
@@ -106,14 +106,14 @@ impl<'a> Rates<'a> {
                 gyro_radps: sample.gyro * scale,
                 accel_mps2: sample.accel * scale,
             };
-            (self.read)(&mut rate);
+            (self.remap)(&mut rate);
             rate
         })
     }
 
-    /// Time and angle turned so far about the typical direction of the specific force.
-    pub(super) fn vertical_angles(&self) -> Curve {
-        let up = self.typical.force_mps2.normalize();
+    /// Angle turned about the median direction of the specific force, over time.
+    pub(super) fn angles_about_vertical(&self) -> Curve {
+        let up = self.median.force_mps2.normalize();
         let mut angle = 0.0;
         Curve::new(self.iter().map(|rate| {
             angle += rate.gyro_radps.dot(&up) * rate.interval_s;
@@ -122,28 +122,26 @@ impl<'a> Rates<'a> {
     }
 }
 
-impl Typical {
-    fn of(rates: impl Iterator<Item = Rate>) -> Self {
-        let mut all: [Series; 9] = Default::default();
-        let (mut sum, mut count) = (Vector3::zeros(), 0.0);
-        for rate in rates {
-            let (gyro, force) = (rate.gyro_radps, rate.accel_mps2);
-            let norms = [gyro.norm(), force.norm(), rate.interval_s];
-            let values = gyro.iter().chain(&force).chain(&norms);
-            for (series, value) in all.iter_mut().zip(values) {
-                series.push(*value);
-            }
-            sum += gyro;
-            count += 1.0;
+fn medians_and_mean_gyro(rates: impl Iterator<Item = Rate>) -> (Medians, Vector3<f64>) {
+    let mut all: [Series; 9] = Default::default();
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for rate in rates {
+        let (gyro, force) = (rate.gyro_radps, rate.accel_mps2);
+        let norms = [gyro.norm(), force.norm(), rate.interval_s];
+        let values = gyro.iter().chain(&force).chain(&norms);
+        for (series, value) in all.iter_mut().zip(values) {
+            series.push(*value);
         }
-        let [gx, gy, gz, ax, ay, az, gyro, force, interval] = all.map(Series::median);
-        Self {
-            interval_s: interval,
-            force_mps2: Vector3::new(ax, ay, az),
-            force_norm_mps2: force,
-            gyro_radps: Vector3::new(gx, gy, gz),
-            gyro_norm_radps: gyro,
-            mean_gyro_radps: sum / count,
-        }
+        sum += gyro;
+        count += 1.0;
     }
+    let [gx, gy, gz, ax, ay, az, gyro, force, interval] = all.map(Series::median);
+    let medians = Medians {
+        interval_s: interval,
+        force_mps2: Vector3::new(ax, ay, az),
+        force_norm_mps2: force,
+        gyro_radps: Vector3::new(gx, gy, gz),
+        gyro_norm_radps: gyro,
+    };
+    (medians, sum / count)
 }

@@ -1,4 +1,4 @@
-//! Channels of the inertial sensors that spike, stick or run into their stops.
+//! Spikes, stuck channels and saturation of the inertial sensors, and gaps.
 
 use std::io;
 
@@ -7,51 +7,50 @@ use nalgebra::Vector3;
 
 use super::Log;
 use super::error::{Findings, LogError};
-use super::typical::turned;
+use super::series::signed_angle;
 
-/// There and back between three samples: 10 g and 20 rad/s, beyond any vehicle.
+/// Spike within three samples, of 10 g or 20 rad/s: beyond any vehicle.
 const SPIKE_MPS2: f64 = 100.0;
 const SPIKE_RADPS: f64 = 20.0;
-/// All six channels equal to the last digit for so long, s, is no measurement in motion.
+/// Least duration of six identical channels in motion that are stuck, s.
 const FROZEN_S: f64 = 1.0;
-/// One channel alone may rest as long as the last digit allows, s.
+/// Least duration of a single stuck channel, s: a coarse resolution may repeat values.
 const STUCK_S: f64 = 10.0;
-/// Longest hole that goes without a word, s: in a longer one a car rounds a corner, and a multirotor
-/// is somewhere else.
-const HOLE_S: f64 = 3.0;
-/// A peak has one highest sample, or two; a stop has many.
-const STOP_RUN: usize = 5;
+/// Longest gap without a warning, s: a longer one may hide a whole turn.
+const GAP_S: f64 = 3.0;
+/// Least run of samples at the highest value that is saturation: a true peak has one or two.
+const SATURATED_RUN: usize = 5;
 
-/// Leaves out samples that are none, warns of clipped ones. Whether any was left out.
-pub(super) fn mend_sensors(
+/// Leaves out spikes and stuck samples, warns of saturation. Returns whether any was left out.
+pub(super) fn repair_sensors(
     log: &mut Log,
     per_second: f64,
     findings: &mut Findings,
 ) -> Result<bool, LogError> {
-    warn_of_holes(log, findings);
+    warn_of_gaps(log, findings);
     let before = log.imu.len();
     leave_out_spikes(log, per_second, findings).map_err(|e| LogError::no_room(&e))?;
     leave_out_frozen(log, per_second, findings)?;
-    warn_of_channels(log, per_second, findings);
+    warn_of_stuck_and_saturated(log, per_second, findings);
     Ok(log.imu.len() < before)
 }
 
-/// Whatever came before, the navigator finds its way anew after them.
-fn warn_of_holes(log: &Log, findings: &mut Findings) {
+/// The navigator starts anew after a gap.
+fn warn_of_gaps(log: &Log, findings: &mut Findings) {
     let start = log.imu.first().map(|sample| sample.time);
-    let mut holes = log.imu.pairs().filter_map(|[last, next]| {
+    let mut gaps = log.imu.pairs().filter_map(|[last, next]| {
         let seconds = next.time.seconds_since(last.time);
         let at_s = last.time.seconds_since(start?);
-        (seconds > HOLE_S).then_some((at_s, seconds))
+        (seconds > GAP_S).then_some((at_s, seconds))
     });
-    let Some((at_s, seconds)) = holes.next() else {
+    let Some((at_s, seconds)) = gaps.next() else {
         return;
     };
-    let others = match holes.count() {
+    let more_gaps = match gaps.count() {
         0 => String::new(),
         more => format!(", and {more} more"),
     };
-    let found = format!("a hole of {seconds:.1} s after {at_s:.1} s{others}");
+    let found = format!("a hole of {seconds:.1} s after {at_s:.1} s{more_gaps}");
     let cause = "recording paused or broke off; the solution is found anew after each";
     findings.warn(findings.imu("", "samples without holes", found, cause));
 }
@@ -70,7 +69,7 @@ fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
                 || jumps(a.accel, b.accel, c.accel, SPIKE_MPS2);
             spike.then_some(b.time)
         })
-        // Where they are the rule it is another unit, or vibration.
+        // More than one in a hundred is another unit, or vibration.
         .take(log.imu.len() / 100 + 1)
         .collect();
     if spikes.is_empty() || spikes.len() * 100 > log.imu.len() {
@@ -87,7 +86,7 @@ fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
     Ok(())
 }
 
-/// From when until when sensors are stuck, where GNSS shows motion meanwhile.
+/// Intervals with all channels stuck while GNSS shows motion.
 fn frozen(log: &Log, per_second: f64) -> Vec<(Time, Time)> {
     let mut frozen = Vec::new();
     let mut samples = log.imu.iter().peekable();
@@ -98,7 +97,7 @@ fn frozen(log: &Log, per_second: f64) -> Vec<(Time, Time)> {
             to = next.time;
         }
         let seconds = to.seconds_since(start.time);
-        if seconds > FROZEN_S && contradicted(log, to, &start, per_second) {
+        if seconds > FROZEN_S && gnss_contradicts(log, to, &start, per_second) {
             frozen.push((start.time, to));
         }
     }
@@ -119,10 +118,10 @@ fn leave_out_frozen(
         .iter()
         .map(|(from, to)| to.seconds_since(*from))
         .sum();
-    let mut holes = frozen.iter().peekable();
+    let mut gaps = frozen.iter().peekable();
     let moving = log.imu.filtered(|sample| {
-        while holes.next_if(|(_, to)| *to < sample.time).is_some() {}
-        holes.peek().is_none_or(|(from, _)| sample.time <= *from)
+        while gaps.next_if(|(_, to)| *to < sample.time).is_some() {}
+        gaps.peek().is_none_or(|(from, _)| sample.time <= *from)
     });
     let moving = moving.map_err(|e| LogError::no_room(&e))?;
     let found = format!(
@@ -140,8 +139,8 @@ fn leave_out_frozen(
     Ok(())
 }
 
-/// Whether GNSS turns or speeds up, from a reading to a time, as that reading does not.
-fn contradicted(log: &Log, to: Time, reading: &ImuSample, per_second: f64) -> bool {
+/// Whether turn or speed change by GNSS, from a reading to a time, contradict that constant reading.
+fn gnss_contradicts(log: &Log, to: Time, reading: &ImuSample, per_second: f64) -> bool {
     let from = reading.time;
     let first = log.gnss.partition_point(|fix| fix.time < from);
     let last = log.gnss.partition_point(|fix| fix.time <= to).max(first);
@@ -152,13 +151,13 @@ fn contradicted(log: &Log, to: Time, reading: &ImuSample, per_second: f64) -> bo
         return false;
     };
     let seconds = to.seconds_since(from);
-    let turns = velocities.windows(2).map(|pair| turned(pair[0], pair[1]));
+    let turns = velocities.windows(2).map(|w| signed_angle(w[0], w[1]));
     let turned_rad: f64 = turns.sum();
-    let faster_mps = (end.norm() - start.norm()).abs();
-    let forced_mps = reading.accel.xy().norm() * per_second * seconds;
-    // Half a rad and 2 m/s: beyond what a course and a speed are off by.
+    let speed_change_mps = (end.norm() - start.norm()).abs();
+    let sensed_mps = reading.accel.xy().norm() * per_second * seconds;
+    // 0.5 rad and 2 m/s: beyond the errors of course and speed.
     (turned_rad - reading.gyro.z * per_second * seconds).abs() > 0.5
-        || (faster_mps > 2.0 && forced_mps < 0.5 * faster_mps)
+        || (speed_change_mps > 2.0 && sensed_mps < 0.5 * speed_change_mps)
 }
 
 type Channels = [f64; 6];
@@ -171,39 +170,39 @@ const CHANNELS: [&str; 6] = [
     "accelerometer forward",
     "accelerometer up",
 ];
-/// Below some of a rad/s, or 1 g, nothing has its stop: a coarse digit is equal.
-const LEAST_STOP: Channels = [0.15, 0.15, 0.15, 10.2, 10.2, 10.2];
+/// Least full scale, rad/s and m/s^2: lower equal peaks are of coarse resolution.
+const MIN_FULL_SCALE: Channels = [0.15, 0.15, 0.15, 10.2, 10.2, 10.2];
 
 fn channels(sample: &ImuSample) -> Channels {
     let (gyro, accel) = (sample.gyro, sample.accel);
     [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z]
 }
 
-/// Warns of channels that stick, or run into their stops.
-fn warn_of_channels(log: &Log, per_second: f64, findings: &mut Findings) {
+/// Warns of stuck and saturated channels.
+fn warn_of_stuck_and_saturated(log: &Log, per_second: f64, findings: &mut Findings) {
     let mut runs: [Runs; 6] = Default::default();
-    let mut stops: [[Stop; 2]; 6] = Default::default();
+    let mut peaks: [[Peak; 2]; 6] = Default::default();
     for sample in log.imu.iter() {
         let values = channels(&sample);
-        for (channel, (runs, stops)) in runs.iter_mut().zip(&mut stops).enumerate() {
+        for (channel, (runs, peaks)) in runs.iter_mut().zip(&mut peaks).enumerate() {
             runs.push(channel, sample.time, &values);
-            stops[0].push(values[channel]);
-            stops[1].push(-values[channel]);
+            peaks[0].push(values[channel]);
+            peaks[1].push(-values[channel]);
         }
     }
     let count = log.imu.len();
     for (name, runs) in CHANNELS.into_iter().zip(runs) {
-        if let Some((found, cause)) = runs.longest().verdict(log.start(), count) {
+        if let Some((found, cause)) = runs.longest().defect(log.start(), count) {
             let expected = "readings that change";
             findings.warn(findings.imu(name, expected, found, cause));
         }
     }
-    for ((name, stops), least) in CHANNELS.into_iter().zip(stops).zip(LEAST_STOP) {
-        for (stop, sign) in stops.into_iter().zip([1.0, -1.0]) {
-            if !stop.is_one(least / per_second, count) {
+    for ((name, peaks), least) in CHANNELS.into_iter().zip(peaks).zip(MIN_FULL_SCALE) {
+        for (peak, sign) in peaks.into_iter().zip([1.0, -1.0]) {
+            if !peak.is_saturation(least / per_second, count) {
                 continue;
             }
-            let found = format!("{} at exactly {:.4}", stop.count, sign * stop.highest);
+            let found = format!("{} at exactly {:.4}", peak.count, sign * peak.highest);
             let cause = "the range of the sensor is too small for the motion: what was beyond it \
                          is lost, and estimates suffer";
             let expected = "readings within the range of the sensor";
@@ -212,15 +211,15 @@ fn warn_of_channels(log: &Log, per_second: f64, findings: &mut Findings) {
     }
 }
 
-/// A channel at one value.
+/// A run of one value of a channel.
 #[derive(Clone, Copy, Default)]
 struct Run {
     from: Time,
     to: Time,
     samples: usize,
     values: Channels,
-    /// Which channels change meanwhile.
-    go_on: [bool; 6],
+    /// Which channels vary meanwhile.
+    varies: [bool; 6],
 }
 
 impl Run {
@@ -228,13 +227,13 @@ impl Run {
         self.to.seconds_since(self.from)
     }
 
-    /// What there is to say of the longest one of a channel, and the likely cause.
-    fn verdict(&self, origin: Time, samples: usize) -> Option<(String, &'static str)> {
-        let going_on = self.go_on.iter().filter(|goes_on| **goes_on).count();
-        // Several that never move are no sensors, but made up.
+    /// Whether the longest run of a channel is a defect, and its likely cause.
+    fn defect(&self, origin: Time, samples: usize) -> Option<(String, &'static str)> {
+        let varying = self.varies.iter().filter(|varies| **varies).count();
+        // Several constant channels are synthetic data.
         let throughout = self.samples == samples;
-        let made_up = throughout && going_on < 5;
-        if made_up || self.seconds() < STUCK_S || going_on == 0 {
+        let synthetic = throughout && varying < 5;
+        if synthetic || self.seconds() < STUCK_S || varying == 0 {
             return None;
         }
         if throughout {
@@ -251,55 +250,55 @@ impl Run {
     }
 }
 
-/// The runs of a channel: the longest so far, and the one that goes on.
+/// Runs of a channel: the longest so far, and the current one.
 #[derive(Default)]
 struct Runs {
     longest: Run,
-    now: Run,
+    current: Run,
 }
 
 impl Runs {
     fn push(&mut self, channel: usize, time: Time, values: &Channels) {
-        let now = &mut self.now;
-        if now.samples > 0 && values[channel].total_cmp(&now.values[channel]).is_eq() {
-            now.to = time;
-            now.samples += 1;
-            for (other, goes_on) in now.go_on.iter_mut().enumerate() {
-                *goes_on |= values[other].total_cmp(&now.values[other]).is_ne();
+        let current = &mut self.current;
+        if current.samples > 0 && values[channel].total_cmp(&current.values[channel]).is_eq() {
+            current.to = time;
+            current.samples += 1;
+            for (other, varies) in current.varies.iter_mut().enumerate() {
+                *varies |= values[other].total_cmp(&current.values[other]).is_ne();
             }
             return;
         }
         *self = Self {
             longest: std::mem::take(self).longest(),
-            now: Run {
+            current: Run {
                 from: time,
                 to: time,
                 samples: 1,
                 values: *values,
-                go_on: [false; 6],
+                varies: [false; 6],
             },
         };
     }
 
     fn longest(self) -> Run {
-        if self.now.seconds() >= self.longest.seconds() {
-            self.now
+        if self.current.seconds() >= self.longest.seconds() {
+            self.current
         } else {
             self.longest
         }
     }
 }
 
-/// The highest value of a channel above zero, and how it is met.
+/// The highest value of a channel above zero, and its repetitions.
 #[derive(Default)]
-struct Stop {
+struct Peak {
     highest: f64,
     count: usize,
     run: usize,
     longest_run: usize,
 }
 
-impl Stop {
+impl Peak {
     fn push(&mut self, value: f64) {
         if value < self.highest {
             self.run = 0;
@@ -316,9 +315,9 @@ impl Stop {
         self.longest_run = self.longest_run.max(self.run);
     }
 
-    /// Whether a sensor with so many samples ends there.
-    fn is_one(&self, least: f64, samples: usize) -> bool {
+    /// Whether the peak of so many samples is saturation.
+    fn is_saturation(&self, least: f64, samples: usize) -> bool {
         let constant = 2 * self.count > samples;
-        self.longest_run >= STOP_RUN && !constant && self.highest >= least
+        self.longest_run >= SATURATED_RUN && !constant && self.highest >= least
     }
 }

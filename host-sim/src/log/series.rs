@@ -1,4 +1,4 @@
-//! Typical values, how far others are from them, and quantities over time.
+//! Medians, ratios to known values, and quantities over time.
 
 use std::collections::BTreeMap;
 
@@ -7,33 +7,35 @@ use nalgebra::Vector2;
 
 use crate::statistics::whole;
 
-/// Alignment alone takes that long.
-pub(super) const SHORT_S: f64 = 20.0;
+/// Duration of alignment, s.
+pub(super) const ALIGNMENT_S: f64 = 20.0;
 
 /// Whether `value` is `reference` up to a factor.
 pub(super) fn within(value: f64, reference: f64, factor: f64) -> bool {
     value < reference * factor && value > reference / factor
 }
 
-/// Logarithm of how many times one is the other.
-fn apart(value: f64, reference: f64) -> f64 {
+/// Absolute logarithm of the ratio.
+fn log_ratio(value: f64, reference: f64) -> f64 {
     (value / reference).ln().abs()
 }
 
-/// What a value most likely is, of some that are known; none if it is not near.
-pub(super) fn likeliest<T>(
+/// What the nearest of some known values stands for; none if its ratio to the value is beyond a factor.
+pub(super) fn nearest_known<T>(
     known: impl IntoIterator<Item = (f64, T)>,
     value: f64,
     factor: f64,
 ) -> Option<T> {
-    let off = |guess: &(f64, T)| apart(value, guess.0);
-    let nearest = known.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+    let distance = |candidate: &(f64, T)| log_ratio(value, candidate.0);
+    let nearest = known
+        .into_iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
     within(value, nearest.0, factor).then_some(nearest.1)
 }
 
-/// Median time from one to the next, s; zero of fewer than two.
+/// Median interval, s; zero of fewer than two times.
 pub(crate) fn median_interval_s(times: impl Iterator<Item = Time>) -> f64 {
-    // However long the log, there are few different ones.
+    // A histogram: even a long log has few different intervals.
     let mut counts: BTreeMap<i64, usize> = BTreeMap::new();
     let mut last: Option<Time> = None;
     for time in times {
@@ -43,21 +45,21 @@ pub(crate) fn median_interval_s(times: impl Iterator<Item = Time>) -> f64 {
             *counts.entry(micros).or_default() += 1;
         }
     }
-    let mut to_middle = counts.values().sum::<usize>() / 2;
+    let mut before_median = counts.values().sum::<usize>() / 2;
     for (micros, count) in counts {
-        if count > to_middle {
+        if count > before_median {
             return Time::from_micros(micros).seconds_since(Time::default());
         }
-        to_middle -= count;
+        before_median -= count;
     }
     0.0
 }
 
-/// What is typical of a series: its median, of an even part where it is very long.
+/// A series for its median, decimated where it is very long.
 pub(super) struct Series {
     kept: Vec<f64>,
-    /// One of so many is kept.
-    every: usize,
+    /// One value of so many is kept.
+    decimation: usize,
     count: usize,
 }
 
@@ -68,7 +70,7 @@ impl Default for Series {
     fn default() -> Self {
         Self {
             kept: Vec::new(),
-            every: 1,
+            decimation: 1,
             count: 0,
         }
     }
@@ -76,16 +78,16 @@ impl Default for Series {
 
 impl Series {
     pub(super) fn push(&mut self, value: f64) {
-        if self.count.is_multiple_of(self.every) {
+        if self.count.is_multiple_of(self.decimation) {
             if self.kept.len() == MOST_KEPT {
                 let mut index = 0;
                 self.kept.retain(|_| {
                     index += 1;
                     index % 2 == 1
                 });
-                self.every *= 2;
+                self.decimation *= 2;
             }
-            if self.count.is_multiple_of(self.every) {
+            if self.count.is_multiple_of(self.decimation) {
                 self.kept.push(value);
             }
         }
@@ -108,7 +110,7 @@ pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// A quantity at equal steps of time, to be looked up fast.
+/// A quantity resampled at a fixed interval, for fast interpolation.
 #[derive(Default)]
 pub(super) struct Curve {
     start_s: f64,
@@ -129,7 +131,7 @@ impl Curve {
         curve
     }
 
-    /// Goes on to a point that is later than the last.
+    /// Appends a point that is later than the last.
     pub(super) fn push(&mut self, to_s: f64, b: f64) {
         let (from_s, a) = self.last.replace((to_s, b)).unwrap_or_else(|| {
             self.start_s = to_s;
@@ -145,14 +147,14 @@ impl Curve {
         }
     }
 
-    pub(super) fn reaches(&self, time_s: f64) -> bool {
+    pub(super) fn covers(&self, time_s: f64) -> bool {
         let step = (time_s - self.start_s) / Self::STEP_S;
         step >= 0.0 && step + 1.0 < self.values.len() as f64
     }
 
-    /// What it changes by from one time to another, if both are within.
+    /// Change from one time to another, if both are covered.
     pub(super) fn change(&self, from_s: f64, to_s: f64) -> Option<f64> {
-        (self.reaches(from_s) && self.reaches(to_s)).then(|| self.at(to_s) - self.at(from_s))
+        (self.covers(from_s) && self.covers(to_s)).then(|| self.at(to_s) - self.at(from_s))
     }
 
     pub(super) fn at(&self, time_s: f64) -> f64 {
@@ -163,8 +165,8 @@ impl Curve {
     }
 }
 
-/// Ends of successive intervals of a second or so, among what comes in order of time, s; where
-/// nothing comes for three seconds there is none.
+/// Ends, s, of successive intervals of about a second in a time series; gaps of three seconds are left
+/// out.
 pub(super) fn intervals<T: Copy>(all: impl Iterator<Item = (f64, T)>) -> Vec<[(f64, T); 2]> {
     let mut intervals = Vec::new();
     let mut start: Option<(f64, T)> = None;
@@ -182,7 +184,7 @@ pub(super) fn intervals<T: Copy>(all: impl Iterator<Item = (f64, T)>) -> Vec<[(f
     intervals
 }
 
-/// Angle from one vector to the next, counter-clockwise.
-pub(super) fn turned(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
+/// Angle from one vector to another, counter-clockwise positive.
+pub(super) fn signed_angle(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     from.perp(&to).atan2(from.dot(&to))
 }
