@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Log;
 use super::error::LogError;
-use super::order::of_another_time;
+use super::order::outside_samples;
 use super::series::{nearest_known, within};
 use crate::statistics::{Line, rms};
 
@@ -22,7 +22,7 @@ const MIN_FIXES: usize = 30;
 /// Leaves out heights that contradict the rest of the log, with a warning.
 pub(super) fn check(log: &mut Log, path: &Path, warnings: &mut Vec<LogError>) {
     let ends = [log.baro.first(), log.baro.last()].map(|end| end.map(|height| height.time));
-    let wrong = of_another_time(path, "a barometer", ends, log).or_else(|| {
+    let wrong = outside_samples(path, "a barometer", ends, log).or_else(|| {
         let (slope, unit) = wrong_unit(log)?;
         let expected = "heights that change as those of the receiver do";
         let found = format!("{slope:.3} times as much");

@@ -1,4 +1,4 @@
-//! What is wrong with a log, and where.
+//! Defects of a log, and where they are.
 
 use std::io;
 use std::path::Path;
@@ -8,7 +8,7 @@ use thiserror::Error;
 
 /// A defect of a log: where it is, what was expected, what was found, and the likely cause.
 ///
-/// The same type carries a warning, where a log only looks suspicious.
+/// Also a warning, where a log only looks suspicious.
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
 #[error("{}{}: expected {expected}, found {found}", path.display(), place(*line, *character, name.as_deref()))]
 pub struct LogError {
@@ -22,15 +22,15 @@ pub struct LogError {
     pub name: Option<Box<str>>,
     pub expected: Box<str>,
     pub found: Box<str>,
-    /// Why it most likely came about, and what to do.
+    /// Most likely cause, and what to do.
     #[help]
     pub cause: Box<str>,
-    /// Whether it speaks against what is found all the same.
+    /// Whether it puts the results in doubt although the log is used.
     pub doubt: bool,
 }
 
 impl LogError {
-    /// In one line.
+    /// On one line.
     pub(crate) fn in_a_line(&self) -> String {
         format!("{self} ({})", self.cause)
     }
@@ -54,7 +54,7 @@ impl LogError {
         }
     }
 
-    /// That samples found no room beside memory.
+    /// The temporary file for samples cannot be written.
     pub(super) fn no_room(error: &io::Error) -> Self {
         let cause = "a long log is kept in a file that is removed by itself, 56 bytes a sample, and \
                      there is no room for it: TMPDIR names another folder";
@@ -62,7 +62,7 @@ impl LogError {
         Self::file(&folder, expected, error.to_string(), cause)
     }
 
-    /// What a TOML parser found, at its place.
+    /// An error of the TOML parser, with its line and character.
     pub(crate) fn toml(path: &Path, text: &str, error: &toml::de::Error, cause: &str) -> Self {
         let message = error.message().lines().next().unwrap_or_default();
         let defect = Self::file(path, "a valid entry", message, cause);
@@ -80,7 +80,7 @@ impl LogError {
         self
     }
 
-    /// The same defect, in a named column or key; without a name it is in all.
+    /// The same defect, in a named column or key; an empty name stands for all.
     pub(super) fn in_column(mut self, name: &str) -> Self {
         self.name = (!name.is_empty()).then(|| name.into());
         self
@@ -99,7 +99,7 @@ fn place(line: Option<u64>, character: Option<u64>, name: Option<&str>) -> Strin
     number(line) + &number(character) + &name
 }
 
-/// Where the tables of a log came from, and what looks suspicious in them so far.
+/// Paths of the tables of a log, and the warnings about them so far.
 pub(super) struct Findings<'a> {
     pub(super) imu: &'a Path,
     pub(super) gnss: &'a Path,

@@ -1,4 +1,4 @@
-//! `meta.toml`: how the log was recorded, in which axes, by what class of sensors.
+//! `meta.toml`: form of the inertial data, axes, class of the sensors.
 
 use std::path::Path;
 use std::{fmt, fs};
@@ -19,8 +19,8 @@ const KNOWN_KEYS: [&str; 6] = [
     "gnss_clock_offset_s",
 ];
 
-/// Latest that a receiver is, s: more is a difference of clocks.
-const LATEST_S: f64 = 1.0;
+/// Largest latency of a receiver, s: more is a difference of clocks.
+const MAX_LATENCY_S: f64 = 1.0;
 
 /// Directions of the x, y and z columns of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -66,13 +66,13 @@ impl BodyAxes {
         }
     }
 
-    /// Component of a right-forward-up vector that an axis (0, 1, 2) shows, and its sign there.
+    /// Component of a right-forward-up vector along an axis (0, 1, 2), and its sign.
     pub fn rfu_component(self, axis: usize) -> (usize, f64) {
         let along = self.to_rfu(Vector3::ith(axis, 1.0));
         (along.iamax(), along.sum())
     }
 
-    /// The axis that shows a component of a right-forward-up vector.
+    /// The axis along a component of a right-forward-up vector.
     pub(super) fn letter(self, component: usize) -> &'static str {
         let own = (0..3).find(|&axis| self.rfu_component(axis).0 == component);
         ["x", "y", "z"][own.unwrap_or(component)]
@@ -111,7 +111,7 @@ pub enum Grade {
 }
 
 impl Grade {
-    /// As it is written.
+    /// As in `meta.toml`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Hg1700 => "hg1700",
@@ -120,21 +120,21 @@ impl Grade {
     }
 }
 
-/// What `meta.toml` says.
+/// Contents of `meta.toml`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Meta {
     /// Axes of the columns in the files.
     pub body_axes: BodyAxes,
     /// Whether the inertial columns are rates or increments.
     pub imu: ImuOutput,
-    /// Heading at the first sample, if the logger knew it, deg clockwise from north.
+    /// Heading at the first sample, if known, deg clockwise from north.
     pub initial_heading_deg: Option<f64>,
     pub grade: Option<Grade>,
-    /// Antenna position from the inertial sensors, right-forward-up, m, if stated.
+    /// Lever arm from the inertial sensors to the antenna, right-forward-up, m, if stated.
     pub lever_arm_rfu_m: Option<Vector3<f64>>,
-    /// What has been taken off the stamps of the fixes, s: latency, or what the clocks differ by.
+    /// Subtracted from the times of the fixes, s: latency, or the difference of the clocks.
     pub gnss_clock_offset_s: f64,
-    /// The whole file, so that what is not ours survives a rewrite.
+    /// The whole file, so that foreign keys survive a rewrite.
     pub document: toml::Table,
 }
 
@@ -154,7 +154,7 @@ struct LogTable {
     gnss_clock_offset_s: Option<f64>,
 }
 
-/// As it is written.
+/// As in `meta.toml`.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "ImuOutput", rename_all = "lowercase")]
 pub(super) enum Output {
@@ -163,7 +163,7 @@ pub(super) enum Output {
 }
 
 impl Meta {
-    /// The least that a log says of itself.
+    /// The required keys only.
     pub fn new(body_axes: BodyAxes, imu: ImuOutput) -> Self {
         Self {
             body_axes,
@@ -176,17 +176,17 @@ impl Meta {
         }
     }
 
-    /// The part of the latency that has been taken off the stamps of the fixes, s.
+    /// Latency subtracted from the times of the fixes, s.
     pub fn latency_offset_s(&self) -> f64 {
         let offset_s = self.gnss_clock_offset_s;
-        if offset_s.abs() <= LATEST_S {
+        if offset_s.abs() <= MAX_LATENCY_S {
             offset_s
         } else {
             0.0
         }
     }
 
-    /// What has been taken off for clocks that differ, s.
+    /// Difference of the clocks subtracted from the times of the fixes, s.
     pub fn clock_offset_s(&self) -> f64 {
         self.gnss_clock_offset_s - self.latency_offset_s()
     }
@@ -205,9 +205,10 @@ impl Meta {
             let cause = "saved in another encoding: save as UTF-8";
             LogError::file(path, "UTF-8 text", "other bytes", cause)
         })?;
-        let document: toml::Table = toml::from_str(&text).map_err(|e| bad(path, &text, &e))?;
-        let file: File = toml::from_str(&text).map_err(|e| bad(path, &text, &e))?;
-        warnings.extend(unread_keys(path, &document));
+        let document: toml::Table =
+            toml::from_str(&text).map_err(|e| invalid_toml(path, &text, &e))?;
+        let file: File = toml::from_str(&text).map_err(|e| invalid_toml(path, &text, &e))?;
+        warnings.extend(unknown_keys(path, &document));
         let table = file.log;
         let arm = table.lever_arm_m;
         let meta = Self {
@@ -220,12 +221,12 @@ impl Meta {
             document,
         };
         meta.check_numbers(path)?;
-        warnings.extend(meta.clocks_far_apart(path));
+        warnings.extend(meta.large_clock_offset(path));
         Ok(meta)
     }
 
     fn check_numbers(&self, path: &Path) -> Result<(), LogError> {
-        let slip = |key: &str, expected: &str, found: String| {
+        let wrong = |key: &str, expected: &str, found: String| {
             let cause = "a slip of the pen or another unit";
             Err(LogError::file(path, expected, found, cause).in_column(key))
         };
@@ -233,23 +234,23 @@ impl Meta {
             && !(-360.0..=360.0).contains(&heading)
         {
             let expected = "degrees clockwise from north, -360 to 360";
-            return slip("initial_heading_deg", expected, heading.to_string());
+            return wrong("initial_heading_deg", expected, heading.to_string());
         }
         if let Some(arm) = self.lever_arm_rfu_m
             && !arm.iter().all(|x| x.abs() <= 100.0)
         {
             let found = format!("{:?}", self.body_axes.from_rfu(arm).as_slice());
-            return slip("lever_arm_m", "metres, up to 100 per axis", found);
+            return wrong("lever_arm_m", "metres, up to 100 per axis", found);
         }
         let offset_s = self.gnss_clock_offset_s;
         if !offset_s.is_finite() {
-            return slip("gnss_clock_offset_s", "seconds", offset_s.to_string());
+            return wrong("gnss_clock_offset_s", "seconds", offset_s.to_string());
         }
         Ok(())
     }
 
-    /// Clocks of one origin differ by no more than minutes; `import` takes off other origins too.
-    fn clocks_far_apart(&self, path: &Path) -> Option<LogError> {
+    /// Clocks of one origin differ by minutes at most; `import` subtracts differences of origin, too.
+    fn large_clock_offset(&self, path: &Path) -> Option<LogError> {
         let expected = "seconds by which clocks differ, up to 300";
         let cause =
             "a slip of the pen or another unit, unless one clock counts from another origin";
@@ -275,14 +276,14 @@ impl Meta {
             _ => toml::Table::new(),
         };
         log.retain(|key, _| !KNOWN_KEYS.contains(&key));
-        // Names and numbers can always be written.
+        // Names and numbers can always be serialized.
         log.extend(toml::Table::try_from(known).unwrap_or_default());
         document.insert("log".to_owned(), log.into());
         document.to_string()
     }
 }
 
-fn bad(path: &Path, text: &str, error: &toml::de::Error) -> LogError {
+fn invalid_toml(path: &Path, text: &str, error: &toml::de::Error) -> LogError {
     let cause = format!(
         "[log] needs body_axes = \"FRD\", \"RFU\" or \"FLU\" and imu = \"rates\" or \
          \"increments\"; known keys: {}",
@@ -291,7 +292,7 @@ fn bad(path: &Path, text: &str, error: &toml::de::Error) -> LogError {
     LogError::toml(path, text, error, &cause)
 }
 
-fn unread_keys(path: &Path, document: &toml::Table) -> Vec<LogError> {
+fn unknown_keys(path: &Path, document: &toml::Table) -> Vec<LogError> {
     let log = document.get("log").and_then(toml::Value::as_table);
     let keys = log.into_iter().flat_map(toml::Table::keys);
     keys.filter(|key| !KNOWN_KEYS.contains(&key.as_str()))

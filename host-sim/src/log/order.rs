@@ -1,4 +1,4 @@
-//! The rows of a table in the order of their stamps.
+//! Rows of a table in the order of their times.
 
 use std::io;
 use std::path::Path;
@@ -8,13 +8,12 @@ use ins_core::{ImuSample, Time};
 use super::Log;
 use super::error::LogError;
 use super::samples::Store;
-use super::table::{Few, NOT_FINITE, Row, Table};
+use super::table::{Defects, NOT_FINITE, Row, Table};
 
-/// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
-/// is not understood.
-pub(super) const MOST_LEFT_OUT: f64 = 0.05;
+/// Largest share of rows that may be unusable: errors of a logger are rare, more means an unknown format.
+pub(super) const MAX_LEFT_OUT: f64 = 0.05;
 
-/// Where rows are kept.
+/// A container of rows.
 pub(super) trait Rows: Default {
     type Row: Copy + PartialEq;
     fn push(&mut self, row: Self::Row) -> io::Result<()>;
@@ -46,17 +45,17 @@ impl Rows for Store {
     }
 }
 
-/// Every usable row of a table, in order of time.
+/// All usable rows of a table, in order of time.
 pub(super) fn rows<R: Rows>(
     mut table: Table,
-    most_left_out: f64,
+    max_left_out: f64,
     warnings: &mut Vec<LogError>,
     time: fn(&R::Row) -> Time,
     mut parse: impl FnMut(&Row, Time) -> Result<R::Row, LogError>,
 ) -> Result<R, LogError> {
     let stamp = table.column("t_s")?;
     let mut order = Order::<R>::new(time);
-    let mut unusable = Few::default();
+    let mut unusable = Defects::default();
     while let Some(row) = table.next_row()? {
         let parsed = row.and_then(|row| {
             let defect = |last, time| not_increasing(&row, stamp, last, time);
@@ -69,17 +68,17 @@ pub(super) fn rows<R: Rows>(
         }
     }
     let count = order.count + unusable.count;
-    if order.count == 0 || too_many(&unusable, most_left_out, count) {
+    if order.count == 0 || too_many(&unusable, max_left_out, count) {
         return Err(unusable
-            .refusal(most_left_out)
+            .refusal(max_left_out)
             .unwrap_or_else(|| table.no_rows()));
     }
     warnings.extend(table.warnings());
     warnings.extend(unusable.warning("left out"));
-    order.settled(count, most_left_out, warnings)
+    order.finish(count, max_left_out, warnings)
 }
 
-/// The same of rows that are in memory, whose numbers nobody has looked at: of one source of a file.
+/// The same for rows in memory, of one source in a file, whose numbers are unchecked.
 pub(super) fn in_order<T: Copy + PartialEq>(
     all: Vec<T>,
     (path, source): (&Path, &str),
@@ -89,7 +88,7 @@ pub(super) fn in_order<T: Copy + PartialEq>(
     warnings: &mut Vec<LogError>,
 ) -> Result<Vec<T>, LogError> {
     let mut order = Order::<Vec<T>>::new(time);
-    let (count, mut unusable) = (all.len(), Few::default());
+    let (count, mut unusable) = (all.len(), Defects::default());
     for row in all {
         if !finite(&row) {
             unusable.add(not_finite(path, time(&row)).in_column(source));
@@ -103,9 +102,9 @@ pub(super) fn in_order<T: Copy + PartialEq>(
         let kept = order.take(at(row, stamp), defect);
         kept.map_err(|e| LogError::no_room(&e))?;
     }
-    let unusable = few_enough(unusable, MOST_LEFT_OUT, count)?;
+    let unusable = few_enough(unusable, MAX_LEFT_OUT, count)?;
     warnings.extend(unusable.warning("left out"));
-    order.settled(count, MOST_LEFT_OUT, warnings)
+    order.finish(count, MAX_LEFT_OUT, warnings)
 }
 
 fn not_finite(path: &Path, time: Time) -> LogError {
@@ -113,35 +112,35 @@ fn not_finite(path: &Path, time: Time) -> LogError {
     LogError::file(path, "finite numbers", found, NOT_FINITE)
 }
 
-/// Whether so many of all rows are no slip. One is, even in a short file: the last line, usually.
-fn too_many(few: &Few, most: f64, rows: usize) -> bool {
-    few.count > 1 && few.count as f64 > most * rows as f64
+/// Whether defects are too many of all rows. One never is, even in a short file: often the last line.
+fn too_many(defects: &Defects, max: f64, rows: usize) -> bool {
+    defects.count > 1 && defects.count as f64 > max * rows as f64
 }
 
-/// The same rows, or the refusal of too many.
-fn few_enough(few: Few, most: f64, rows: usize) -> Result<Few, LogError> {
-    let refusal = too_many(&few, most, rows).then(|| few.clone().refusal(most));
-    refusal.flatten().map_or(Ok(few), Err)
+/// The same defects, or the refusal of too many.
+fn few_enough(defects: Defects, max: f64, rows: usize) -> Result<Defects, LogError> {
+    let refusal = too_many(&defects, max, rows).then(|| defects.clone().refusal(max));
+    refusal.flatten().map_or(Ok(defects), Err)
 }
 
-/// Puts rows into the order of their stamps.
+/// Puts rows into order of time.
 struct Order<R: Rows> {
     rows: R,
     time: fn(&R::Row) -> Time,
     count: usize,
     last: Option<R::Row>,
-    /// For clocks that begin anew with the week or the day, so far.
-    added_s: f64,
-    told: Told,
+    /// Sum of the periods of rollovers so far, by week or day.
+    rollovers_s: f64,
+    defects: OrderDefects,
 }
 
-/// What is said of rows that were not in order.
+/// Rows whose times do not increase.
 #[derive(Default)]
-struct Told {
-    rollovers: Few,
-    repeated: Few,
-    clashes: Few,
-    disorder: Few,
+struct OrderDefects {
+    rollovers: Defects,
+    duplicates: Defects,
+    conflicts: Defects,
+    out_of_order: Defects,
 }
 
 impl<R: Rows> Order<R> {
@@ -151,26 +150,26 @@ impl<R: Rows> Order<R> {
             time,
             count: 0,
             last: None,
-            added_s: 0.0,
-            told: Told::default(),
+            rollovers_s: 0.0,
+            defects: OrderDefects::default(),
         }
     }
 
-    /// Stamp of a row, after those that came before where the clock has begun anew.
+    /// Time of a row, with rollovers of the clock added.
     fn stamp(&mut self, time: Time, defect: impl Fn(Time, Time) -> LogError) -> Time {
-        let written = time.plus_seconds(self.added_s);
+        let unwrapped = time.plus_seconds(self.rollovers_s);
         let Some(last) = self.last.map(|last| (self.time)(&last)) else {
-            return written;
+            return unwrapped;
         };
-        let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.added_s);
-        let Some(period_s) = begun_anew(last_s, now_s) else {
-            return written;
+        let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.rollovers_s);
+        let Some(period_s) = rollover_period_s(last_s, now_s) else {
+            return unwrapped;
         };
-        let cause = BEGUN_ANEW.into();
-        let defect = defect(last, written);
-        self.told.rollovers.add(LogError { cause, ..defect });
-        self.added_s += period_s;
-        time.plus_seconds(self.added_s)
+        let cause = ROLLOVER.into();
+        let defect = defect(last, unwrapped);
+        self.defects.rollovers.add(LogError { cause, ..defect });
+        self.rollovers_s += period_s;
+        time.plus_seconds(self.rollovers_s)
     }
 
     fn take(&mut self, value: R::Row, defect: impl Fn(Time, Time) -> LogError) -> io::Result<()> {
@@ -179,46 +178,46 @@ impl<R: Rows> Order<R> {
             let last = (self.time)(&before);
             let defect = defect(last, time);
             if before == value {
-                self.told.repeated.add(defect);
+                self.defects.duplicates.add(defect);
                 return Ok(());
             }
             if last == time {
-                self.told.clashes.add(defect);
+                self.defects.conflicts.add(defect);
                 return Ok(());
             }
-            self.told.disorder.add(defect);
+            self.defects.out_of_order.add(defect);
         }
         self.last = Some(value);
         self.count += 1;
         self.rows.push(value)
     }
 
-    /// The rows in order, if so few of all are not that it was a slip.
-    fn settled(
+    /// The rows in order, or a refusal where too many are out of order.
+    fn finish(
         mut self,
         count: usize,
-        most_left_out: f64,
+        max_left_out: f64,
         warnings: &mut Vec<LogError>,
     ) -> Result<R, LogError> {
-        self.settle().map_err(|e| LogError::no_room(&e))?;
-        let Told {
+        self.prune().map_err(|e| LogError::no_room(&e))?;
+        let OrderDefects {
             rollovers,
-            repeated,
-            clashes,
-            disorder,
-        } = self.told;
-        let clashes = few_enough(clashes, most_left_out, count)?;
-        let disorder = few_enough(disorder, most_left_out, count)?;
+            duplicates,
+            conflicts,
+            out_of_order,
+        } = self.defects;
+        let conflicts = few_enough(conflicts, max_left_out, count)?;
+        let out_of_order = few_enough(out_of_order, max_left_out, count)?;
         warnings.extend(rollovers.warning("its period was added"));
-        for few in [repeated, clashes, disorder] {
-            warnings.extend(few.warning("left out"));
+        for defects in [duplicates, conflicts, out_of_order] {
+            warnings.extend(defects.warning("left out"));
         }
         Ok(self.rows)
     }
 
-    /// Leaves out the rows that stand between others of their time.
-    fn settle(&mut self) -> io::Result<()> {
-        if self.told.disorder.count == 0 {
+    /// Leaves out the fewest rows such that the others are in order.
+    fn prune(&mut self) -> io::Result<()> {
+        if self.defects.out_of_order.count == 0 {
             return Ok(());
         }
         let times: Vec<Time> = self.rows.all().map(|row| (self.time)(&row)).collect();
@@ -229,15 +228,15 @@ impl<R: Rows> Order<R> {
             count += 1;
         }
         self.rows = kept;
-        self.told.disorder.count = self.count - count;
+        self.defects.out_of_order.count = self.count - count;
         self.count = count;
         Ok(())
     }
 }
 
-/// Which rows belong to the longest sequence of increasing stamps.
+/// Which rows belong to a longest increasing subsequence of times.
 fn longest_increasing(times: &[Time]) -> Vec<bool> {
-    // Last rows of the best sequence of each length, and the row before each.
+    // Last row of the best subsequence of each length, and the predecessor of each row.
     let mut ends: Vec<usize> = Vec::new();
     let mut before: Vec<Option<usize>> = Vec::with_capacity(times.len());
     for (index, time) in times.iter().enumerate() {
@@ -258,16 +257,16 @@ fn longest_increasing(times: &[Time]) -> Vec<bool> {
     keep
 }
 
-/// Periods of clocks that begin anew, s: the GPS week and the day.
-const PERIODS_S: [f64; 2] = [604_800.0, 86_400.0];
-/// Longest hole at such a moment, s.
-const MARGIN_S: f64 = 60.0;
-const BEGUN_ANEW: &str = "the clock began anew with the GPS week or the day";
+/// Rollover periods of clocks, s: GPS week and day.
+const ROLLOVER_PERIODS_S: [f64; 2] = [604_800.0, 86_400.0];
+/// Longest gap at a rollover, s.
+const GAP_S: f64 = 60.0;
+const ROLLOVER: &str = "the clock began anew with the GPS week or the day";
 
-/// Period of a clock that has begun anew between two stamps, s.
-fn begun_anew(last_s: f64, now_s: f64) -> Option<f64> {
-    PERIODS_S.into_iter().find(|period_s| {
-        (0.0..MARGIN_S).contains(&now_s) && (period_s - MARGIN_S..=*period_s).contains(&last_s)
+/// Period of the rollover between two times, s, if there is one.
+fn rollover_period_s(last_s: f64, now_s: f64) -> Option<f64> {
+    ROLLOVER_PERIODS_S.into_iter().find(|period_s| {
+        (0.0..GAP_S).contains(&now_s) && (period_s - GAP_S..=*period_s).contains(&last_s)
     })
 }
 
@@ -310,7 +309,7 @@ fn time(row: &Row, column: usize) -> Result<Time, LogError> {
         })
 }
 
-/// Microseconds of a plain decimal, exactly: f64 loses the last one after some decades.
+/// Microseconds of a plain decimal, exactly: f64 loses the last digit after some decades.
 fn exact_micros(text: &str) -> Option<i64> {
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     let negative = whole.starts_with('-');
@@ -339,9 +338,9 @@ pub(super) fn decimal(time: Time) -> String {
     format!("{}{whole}.{fraction:06}", if micros < 0 { "-" } else { "" })
 }
 
-/// Rows, from one time to another, without a moment in common with the samples: they are not used, and this
-/// says so.
-pub(super) fn of_another_time(
+/// A warning where rows, by their first and last times, do not overlap the samples in time and are not
+/// used.
+pub(super) fn outside_samples(
     path: &Path,
     what: &str,
     ends: [Option<Time>; 2],

@@ -12,12 +12,12 @@ use super::barometer;
 use super::check::check;
 use super::error::LogError;
 use super::meta::{BodyAxes, Meta};
-use super::order::{MOST_LEFT_OUT, of_another_time, rows};
+use super::order::{MAX_LEFT_OUT, outside_samples, rows};
 use super::samples::{Samples, Store};
 use super::table::{Row, Table};
 use crate::statistics::rms_of_any;
 
-/// Reads and checks a log. Warnings say what looks suspicious, an error what cannot be meant.
+/// Reads and checks a log. Suspicious data give warnings, impossible data an error.
 pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     const FOLDER: &str = "a log is a folder with imu.csv, gnss.csv and meta.toml";
     if !folder.exists() {
@@ -28,14 +28,14 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     if !folder.is_dir() {
         return Err(LogError::file(folder, "a folder", "a file", FOLDER));
     }
-    if !folder.join("meta.toml").exists() && one_of(folder, "imu.csv")?.is_none() {
+    if !folder.join("meta.toml").exists() && find_table(folder, "imu.csv")?.is_none() {
         let found = "neither meta.toml nor imu.csv";
         return Err(LogError::file(folder, "a log", found, FOLDER));
     }
     let mut warnings = Vec::new();
     let meta = Meta::read(&folder.join("meta.toml"), &mut warnings)?;
     let table = |name: &str| {
-        one_of(folder, name)?.ok_or_else(|| {
+        find_table(folder, name)?.ok_or_else(|| {
             let (expected, cause) = (
                 format!("{name} or {name}.gz"),
                 "a wrong folder or a misspelt name",
@@ -44,7 +44,10 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         })
     };
     let (imu, gnss) = (table("imu.csv")?, table("gnss.csv")?);
-    let [baro, truth] = [one_of(folder, "baro.csv")?, one_of(folder, "truth.csv")?];
+    let [baro, truth] = [
+        find_table(folder, "baro.csv")?,
+        find_table(folder, "truth.csv")?,
+    ];
     let mut log = Log {
         imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
         gnss: read_gnss(&gnss, &mut warnings)?,
@@ -64,20 +67,20 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     }
     warnings.extend(truth.and_then(|truth| {
         let ends = [log.truth.first(), log.truth.last()].map(|end| end.map(|row| row.time));
-        of_another_time(&truth, "a reference", ends, &log)
+        outside_samples(&truth, "a reference", ends, &log)
     }));
     Ok((log, warnings))
 }
 
-/// The plain or the packed file, whichever is there.
-pub(super) fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
-    let (plain, packed) = (folder.join(name), folder.join(format!("{name}.gz")));
-    if plain.is_file() && packed.is_file() {
+/// The plain or the gzip file, whichever is present.
+pub(super) fn find_table(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
+    let (plain, gzip) = (folder.join(name), folder.join(format!("{name}.gz")));
+    if plain.is_file() && gzip.is_file() {
         let expected = format!("one of {name} and {name}.gz");
         let cause = "a packed copy was left beside the file: remove the one not meant";
         return Err(LogError::file(folder, expected, "both", cause));
     }
-    Ok([plain, packed].into_iter().find(|path| path.is_file()))
+    Ok([plain, gzip].into_iter().find(|path| path.is_file()))
 }
 
 fn read_imu(
@@ -89,7 +92,7 @@ fn read_imu(
     let gyro = columns(&table, ["gyro_x", "gyro_y", "gyro_z"])?;
     let accel = columns(&table, ["accel_x", "accel_y", "accel_z"])?;
     let time = |sample: &ImuSample| sample.time;
-    let store: Store = rows(table, MOST_LEFT_OUT, warnings, time, |row, time| {
+    let store: Store = rows(table, MAX_LEFT_OUT, warnings, time, |row, time| {
         Ok(axes.sample(time, numbers(row, gyro)?, numbers(row, accel)?))
     })?;
     Ok(store.into())
@@ -97,27 +100,27 @@ fn read_imu(
 
 const NOT_POSITIVE: &str = "a receiver that knows none, or another quantity";
 
-/// A receiver need not have all parts of a fix.
+/// All parts of a fix are optional.
 fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, LogError> {
     let table = Table::open(path)?;
-    let there = |names: &[&str]| -> Vec<usize> {
+    let present = |names: &[&str]| -> Vec<usize> {
         let columns = names.iter().map(|name| table.optional_column(name));
         columns.flatten().collect()
     };
-    let both = |names: [&str; 2]| match there(&names).len() {
+    let both = |names: [&str; 2]| match present(&names).len() {
         0 => Ok(None),
         _ => columns(&table, names).map(Some),
     };
-    let (place, level) = (both(["lat_deg", "lon_deg"])?, both(["ve", "vn"])?);
-    if place.is_none() && level.is_none() {
+    let (position, velocity) = (both(["lat_deg", "lon_deg"])?, both(["ve", "vn"])?);
+    if position.is_none() && velocity.is_none() {
         table.column("lat_deg")?;
     }
-    let (above, up) = (table.optional_column("h_m"), table.optional_column("vu"));
-    let (place_sigma, above_sigma) = (there(&["sd_n", "sd_e"]), there(&["sd_u"]));
-    let (level_sigma, up_sigma) = (there(&["sd_ve", "sd_vn", "sd_v"]), there(&["sd_vu"]));
+    let (height_column, up) = (table.optional_column("h_m"), table.optional_column("vu"));
+    let (position_sigma, height_sigma) = (present(&["sd_n", "sd_e"]), present(&["sd_u"]));
+    let (velocity_sigma, up_sigma) = (present(&["sd_ve", "sd_vn", "sd_v"]), present(&["sd_vu"]));
     rows(
         table,
-        MOST_LEFT_OUT,
+        MAX_LEFT_OUT,
         warnings,
         |fix: &GnssFix| fix.time,
         |row, time| {
@@ -126,20 +129,20 @@ fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, 
                 |columns: Option<[usize; 2]>| columns.map_or(Ok(None), |at| both_or_none(row, at));
             Ok(GnssFix {
                 time,
-                position: match (place, both(place)?) {
-                    (Some(columns), Some(cells)) => Some(on_earth(row, columns, cells)?),
+                position: match (position, both(position)?) {
+                    (Some(columns), Some(cells)) => Some(lat_lon(row, columns, cells)?),
                     _ => None,
                 },
-                height_m: match (above, optional(above)?) {
+                height_m: match (height_column, optional(height_column)?) {
                     (Some(column), Some(height_m)) => Some(height(row, column, height_m)?),
                     _ => None,
                 },
-                velocity_en_mps: both(level)?.map(Vector2::from),
+                velocity_en_mps: both(velocity)?.map(Vector2::from),
                 velocity_up_mps: optional(up)?,
                 sigma: FixSigma {
-                    position_m: sigma(row, &place_sigma)?,
-                    height_m: sigma(row, &above_sigma)?,
-                    velocity_mps: sigma(row, &level_sigma)?,
+                    position_m: sigma(row, &position_sigma)?,
+                    height_m: sigma(row, &height_sigma)?,
+                    velocity_mps: sigma(row, &velocity_sigma)?,
                     velocity_up_mps: sigma(row, &up_sigma)?,
                 },
             })
@@ -153,17 +156,17 @@ pub(super) fn read_baro(
 ) -> Result<Vec<BaroHeight>, LogError> {
     let table = Table::open(path)?;
     let column = table.column("h_m")?;
-    let spread: Vec<usize> = table.optional_column("sd_h").into_iter().collect();
+    let sigma_column: Vec<usize> = table.optional_column("sd_h").into_iter().collect();
     rows(
         table,
-        MOST_LEFT_OUT,
+        MAX_LEFT_OUT,
         warnings,
         |height: &BaroHeight| height.time,
         |row, time| {
             Ok(BaroHeight {
                 time,
                 height_m: height(row, column, row.number(column)?)?,
-                sigma_m: sigma(row, &spread)?.unwrap_or(barometer::SIGMA_M),
+                sigma_m: sigma(row, &sigma_column)?.unwrap_or(barometer::SIGMA_M),
             })
         },
     )
@@ -177,7 +180,7 @@ pub(super) fn read_truth(
     let position = columns(&table, ["lat_deg", "lon_deg", "h_m"])?;
     let velocity = columns(&table, ["ve", "vn", "vu"])?;
     let angles = columns(&table, ["roll_deg", "pitch_deg", "heading_deg"])?;
-    // Reference systems have holes, and a comparison needs no more than the rest.
+    // References have gaps, and a comparison does not need all rows.
     rows(
         table,
         1.0,
@@ -212,18 +215,18 @@ fn numbers(row: &Row, columns: [usize; 3]) -> Result<Vector3<f64>, LogError> {
     Ok(Vector3::new(row.number(x)?, row.number(y)?, row.number(z)?))
 }
 
-/// Two cells that belong together: numbers in both, or nothing.
+/// A pair of cells: both, or none.
 fn both_or_none(row: &Row, columns: [usize; 2]) -> Result<Option<[f64; 2]>, LogError> {
     let [first, second] = columns;
     match (row.optional(first)?, row.optional(second)?) {
         (Some(a), Some(b)) => Ok(Some([a, b])),
         (None, None) => Ok(None),
-        (there, _) => {
-            let column = if there.is_some() { second } else { first };
+        (present, _) => {
+            let column = if present.is_some() { second } else { first };
             let cause = "a position needs latitude and longitude, a velocity east and north: the \
                          other half alone is not used";
             let expected = "a number as in the cell beside";
-            row.lose(row.defect(column, expected, "an empty cell", cause));
+            row.note_lost(row.defect(column, expected, "an empty cell", cause));
             Ok(None)
         }
     }
@@ -232,17 +235,17 @@ fn both_or_none(row: &Row, columns: [usize; 2]) -> Result<Option<[f64; 2]>, LogE
 fn geodetic(row: &Row, columns: [usize; 3]) -> Result<Geodetic, LogError> {
     let [latitude, longitude, up] = columns;
     let cells = numbers(row, columns)?;
-    let place = on_earth(row, [latitude, longitude], [cells.x, cells.y])?;
+    let position = lat_lon(row, [latitude, longitude], [cells.x, cells.y])?;
     Ok(Geodetic {
-        latitude_rad: place.latitude_rad,
-        longitude_rad: place.longitude_rad,
+        latitude_rad: position.latitude_rad,
+        longitude_rad: position.longitude_rad,
         height_m: height(row, up, cells.z)?,
     })
 }
 
-fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
+fn lat_lon(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
     let [latitude, longitude] = columns;
-    degrees(cells.into()).ok_or_else(|| {
+    from_degrees(cells.into()).ok_or_else(|| {
         if cells[0].abs() > 90.0 {
             out_of_range(row, latitude, "a latitude from -90 to 90 deg")
         } else {
@@ -251,8 +254,8 @@ fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, L
     })
 }
 
-/// A place from degrees, longitudes from 0 to 360 too; none where they are no place.
-pub(super) fn degrees((latitude, mut longitude): (f64, f64)) -> Option<LatLon> {
+/// A position from degrees, longitudes also from 0 to 360; none if out of range.
+pub(super) fn from_degrees((latitude, mut longitude): (f64, f64)) -> Option<LatLon> {
     let possible = latitude.abs() <= 90.0 && longitude.abs() <= 360.0;
     if longitude.abs() > 180.0 {
         longitude -= 360.0_f64.copysign(longitude);
@@ -274,23 +277,23 @@ fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
     ))
 }
 
-/// A number that is further from zero than what its column is of can be.
+/// A number out of the range of its quantity.
 fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
     let cause = "columns swapped, or another unit: 1e-7 deg, ddmm.mm, millimetres";
     row.defect(column, expected, row.cell(column), cause)
 }
 
-/// One sigma of a component: the root mean square of those stated.
+/// Sigma per component: the root mean square of those stated.
 fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
-    let none = |column: usize| {
+    let not_positive = |column: usize| {
         let expected = "a spread above zero";
-        row.lose(row.defect(column, expected, row.cell(column), NOT_POSITIVE));
+        row.note_lost(row.defect(column, expected, row.cell(column), NOT_POSITIVE));
     };
     let mut stated = Vec::new();
     for &column in columns {
         match row.optional(column)? {
             Some(sigma) if sigma > 0.0 => stated.push(sigma),
-            Some(_) => none(column),
+            Some(_) => not_positive(column),
             None => {}
         }
     }

@@ -1,4 +1,4 @@
-//! Inertial samples in order of time: few in memory, many in a file without a name.
+//! Inertial samples in order of time, of long logs in an unnamed temporary file.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -10,11 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ins_core::{ImuSample, Time};
 use nalgebra::Vector3;
 
-/// Samples that are written and read at once: some 20 s, and less than half a megabyte.
+/// Samples per write or read: some 20 s, less than half a megabyte.
 const BLOCK: usize = 1 << 13;
-/// More than this, 15 MB, are kept in a file.
+/// Most samples in memory, 15 MB; more go to a file.
 const IN_MEMORY: usize = 32 * BLOCK;
-/// Time, gyro and accelerometer, eight bytes each.
+/// Time, gyro and accelerometer, of eight bytes.
 const WORDS: usize = 7;
 const BLOCK_BYTES: u64 = (BLOCK * WORDS * 8) as u64;
 
@@ -35,7 +35,7 @@ impl Samples {
     }
 
     pub fn get(&self, index: usize) -> Option<ImuSample> {
-        self.walk(index..self.len()).next()
+        self.iter_range(index..self.len()).next()
     }
 
     pub fn first(&self) -> Option<ImuSample> {
@@ -47,12 +47,12 @@ impl Samples {
     }
 
     pub fn iter(&self) -> impl ExactSizeIterator<Item = ImuSample> {
-        self.walk(0..self.len())
+        self.iter_range(0..self.len())
     }
 
-    /// Those that are not before a time.
+    /// Those at or after a time.
     pub fn since(&self, time: Time) -> impl Iterator<Item = ImuSample> {
-        self.walk(self.position(time)..self.len())
+        self.iter_range(self.position(time)..self.len())
     }
 
     /// Each with the one before it.
@@ -77,11 +77,11 @@ impl Samples {
         }
     }
 
-    pub(super) fn filtered(&self, mut wanted: impl FnMut(&ImuSample) -> bool) -> io::Result<Self> {
-        Store::of(self.iter().filter(|sample| wanted(sample))).map(Self::from)
+    pub(super) fn filtered(&self, mut keep: impl FnMut(&ImuSample) -> bool) -> io::Result<Self> {
+        Store::of(self.iter().filter(|sample| keep(sample))).map(Self::from)
     }
 
-    /// Index of the first that is not before a time.
+    /// Index of the first at or after a time.
     fn position(&self, time: Time) -> usize {
         self.store
             .position(time)
@@ -89,12 +89,12 @@ impl Samples {
             - self.range.start
     }
 
-    fn walk(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = ImuSample> {
+    fn iter_range(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = ImuSample> {
         let from = self.range.start;
-        self.store.walk(from + range.start..from + range.end)
+        self.store.iter_range(from + range.start..from + range.end)
     }
 
-    /// All of them in memory, for what goes back and forth in them.
+    /// All in memory, for random access.
     pub fn all(&self) -> Cow<'_, [ImuSample]> {
         match self.store.spilled {
             None => Cow::Borrowed(&self.store.tail[self.range.clone()]),
@@ -133,19 +133,19 @@ impl fmt::Debug for Samples {
     }
 }
 
-/// Samples as they come in.
+/// Storage that samples are appended to.
 #[derive(Debug, Default)]
 pub(super) struct Store {
     spilled: Option<Spilled>,
-    /// What is not, or not yet, in the file.
+    /// Samples not, or not yet, in the file.
     tail: Vec<ImuSample>,
 }
 
-/// Whole blocks in a file that is gone with the last one who reads it.
+/// Whole blocks in a file that is deleted when it is dropped.
 #[derive(Debug)]
 struct Spilled {
     file: Mutex<File>,
-    /// First stamp of each.
+    /// Time of the first sample of each block.
     starts: Vec<Time>,
 }
 
@@ -159,10 +159,10 @@ impl Store {
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = ImuSample> {
-        self.walk(0..self.len())
+        self.iter_range(0..self.len())
     }
 
-    fn walk(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = ImuSample> {
+    fn iter_range(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = ImuSample> {
         let (mut start, mut block) = (0, Cow::Borrowed(&[][..]));
         range.map(move |index| {
             if index >= start + block.len() {
@@ -205,7 +205,7 @@ impl Store {
         Ok(())
     }
 
-    /// The block with a sample, and the index of its first.
+    /// The block with a sample, and the index of its first sample.
     fn block_of(&self, index: usize) -> (usize, Cow<'_, [ImuSample]>) {
         match &self.spilled {
             Some(spilled) if index < self.in_file() => {
@@ -216,13 +216,13 @@ impl Store {
         }
     }
 
-    /// Index of the first sample that is not before a time.
+    /// Index of the first sample at or after a time.
     fn position(&self, time: Time) -> usize {
         let in_file = self.spilled.iter().flat_map(|file| &file.starts);
         let starts = in_file.chain(self.tail.first().map(|sample| &sample.time));
-        let begun = starts.take_while(|start| **start < time).count();
-        // It is in the last block that begins before the time, or begins the next.
-        let (from, block) = self.block_of((begun * BLOCK).saturating_sub(1));
+        let started = starts.take_while(|start| **start < time).count();
+        // It is in the last block that starts before the time, or is the first of the next.
+        let (from, block) = self.block_of((started * BLOCK).saturating_sub(1));
         from + block.partition_point(|sample| sample.time < time)
     }
 }
@@ -248,7 +248,7 @@ impl Spilled {
             .seek(SeekFrom::Start(block as u64 * BLOCK_BYTES))
             .and_then(|_| file.read_exact(&mut bytes));
         if let Err(error) = read {
-            // Written by this program a moment ago: the disk itself is failing.
+            // Written by this program: the disk itself is failing.
             panic!("samples cannot be read back from the temporary folder: {error}");
         }
         drop(file);
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_gives_back_what_memory_does() {
+    fn samples_from_file_equal_those_in_memory() {
         for count in [IN_MEMORY, IN_MEMORY + 3 * BLOCK + 7] {
             let all: Vec<_> = (0..count).map(sample).collect();
             let (file, memory) = (spilled(count), Samples::from(all));

@@ -18,8 +18,8 @@ const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 const TIME: &str = "t_s";
 pub(super) const NOT_FINITE: &str = "a lost value or a division by zero in the logger";
 const NAME_THEM: &str = "name the columns in meta.toml, [columns]";
-/// What a line that is none of the table begins with; the other tells a spreadsheet what parts cells.
-const REMARK: char = '#';
+/// Starts of lines before the header: of a comment, and of the separator line for spreadsheets.
+const COMMENT: char = '#';
 const SEPARATOR: &str = "sep=";
 
 /// A file with a header line and rows of numbers.
@@ -28,60 +28,60 @@ pub(super) struct Table {
     source: Box<dyn BufRead>,
     header: Vec<String>,
     header_line: u64,
-    /// Columns that somebody reads, or would.
+    /// Columns that are read if present.
     known: RefCell<Vec<String>>,
     record: Record,
-    /// Number of the line that the record is.
+    /// Line number of the record.
     line: u64,
     separator: u8,
-    /// What was read as empty or left out, of each kind.
-    lost: RefCell<Few>,
-    /// Whether the file ends inside its last member of gzip.
-    broken_off: Option<LogError>,
+    /// Values read as empty or left out.
+    lost: RefCell<Defects>,
+    /// The defect of a file that ends within its last gzip member.
+    truncated: Option<LogError>,
 }
 
 /// Defects of one kind: the first, and how many.
 #[derive(Clone, Default)]
-pub(super) struct Few {
+pub(super) struct Defects {
     pub(super) first: Option<LogError>,
     pub(super) count: usize,
 }
 
-impl Few {
+impl Defects {
     pub(super) fn add(&mut self, defect: LogError) {
         self.first.get_or_insert(defect);
         self.count += 1;
     }
 
-    /// The first of them as a warning that says what was done to all.
+    /// The first as a warning, with what was done to all.
     pub(super) fn warning(self, done: &str) -> Option<LogError> {
         let more = match self.count {
             1 => done.to_owned(),
             count => format!("{count} like it: {done}"),
         };
-        self.because(&more)
+        self.with_cause(&more)
     }
 
-    /// The first of them as an error, where at most such a share may be left out.
-    pub(super) fn refusal(self, most: f64) -> Option<LogError> {
-        let percent = 100.0 * most;
+    /// The first as an error, where at most this share may be left out.
+    pub(super) fn refusal(self, max: f64) -> Option<LogError> {
+        let percent = 100.0 * max;
         match self.count {
             1 => self.first,
-            count => self.because(&format!(
+            count => self.with_cause(&format!(
                 "{count} like it: too many to leave out, at most {percent} % of the rows"
             )),
         }
     }
 
-    fn because(self, more: &str) -> Option<LogError> {
+    fn with_cause(self, more: &str) -> Option<LogError> {
         let first = self.first?;
         let cause = format!("{}; {more}", first.cause).into();
         Some(LogError { cause, ..first })
     }
 }
 
-/// A line without its end, and where its cells begin and end. Quotes hold nothing together: a stray
-/// one must not swallow the rest of the file.
+/// A line without its end, and the ranges of its cells. Quotes do not protect separators: an unpaired one
+/// must not consume the rest of the file.
 #[derive(Default)]
 struct Record {
     bytes: Vec<u8>,
@@ -111,7 +111,7 @@ pub(super) struct Row<'a> {
 
 impl Table {
     pub(super) fn open(path: &Path) -> Result<Self, LogError> {
-        let mut source = unpacked(path).map_err(|e| read_failed(path, &e))?;
+        let mut source = decompressed(path).map_err(|e| read_failed(path, &e))?;
         let separator = separator(source.fill_buf().map_err(|e| read_failed(path, &e))?);
         let mut table = Self {
             path: path.to_path_buf(),
@@ -123,26 +123,27 @@ impl Table {
             line: 0,
             separator,
             lost: RefCell::default(),
-            broken_off: None,
+            truncated: None,
         };
-        // Remarks may stand before the header, which may look like one.
+        // Comments may precede the header, which may look like one.
         loop {
             if !table.advance()? {
                 let cause = "the logger never wrote to it, or a copy failed";
                 return Err(table.defect("a header line and rows", "an empty file", cause));
             }
             let header = table.text()?;
-            let remark = header[0].starts_with(REMARK) || header[0].starts_with(SEPARATOR);
-            let bare = |cell: &&str| unquoted(cell.trim_start_matches(REMARK)).to_ascii_lowercase();
+            let comment = header[0].starts_with(COMMENT) || header[0].starts_with(SEPARATOR);
+            let bare =
+                |cell: &&str| unquoted(cell.trim_start_matches(COMMENT)).to_ascii_lowercase();
             table.header = header.iter().map(bare).collect();
             table.header_line = table.line;
-            if !remark || table.header.iter().any(|name| name == TIME) {
+            if !comment || table.header.iter().any(|name| name == TIME) {
                 return Ok(table);
             }
         }
     }
 
-    /// What was read in another way than it is written.
+    /// Warnings of columns and values not used, and of truncation.
     pub(super) fn warnings(&self) -> Vec<LogError> {
         let mut warnings = Vec::new();
         let twice = |name: &&String| self.header.iter().filter(|other| other == name).count() > 1;
@@ -155,27 +156,27 @@ impl Table {
             warnings.push(defect.at_line(self.header_line).in_column(name));
         }
         warnings.extend(self.unread());
-        warnings.extend(self.broken_off.clone());
+        warnings.extend(self.truncated.clone());
         let lost = std::mem::take(&mut *self.lost.borrow_mut());
         warnings.extend(lost.warning("taken as empty"));
         warnings
     }
 
-    /// Columns that nobody reads, and what they may be meant for.
+    /// Columns that are not read, with suggestions.
     fn unread(&self) -> Option<LogError> {
         let known = self.known.borrow();
         let other = |name: &&String| !name.is_empty() && !known.contains(name);
         let unread: Vec<&String> = self.header.iter().filter(other).collect();
-        let meant = unread.iter().filter_map(|name| {
+        let suggestions = unread.iter().filter_map(|name| {
             let missing = known.iter().filter(|known| !self.header.contains(known));
             let near = missing.filter(|known| are_alike(known, name));
             let nearest = near.min_by_key(|known| strsim::osa_distance(known, name))?;
             Some(format!("`{nearest}` by `{name}`"))
         });
-        let meant = meant.collect::<Vec<_>>().join(", ");
-        let cause = match meant.as_str() {
+        let suggestions = suggestions.collect::<Vec<_>>().join(", ");
+        let cause = match suggestions.as_str() {
             "" => "not read; harmless if meant so".to_owned(),
-            _ => format!("not read; did you mean {meant}?"),
+            _ => format!("not read; did you mean {suggestions}?"),
         };
         let names = unread.iter().map(|name| format!("`{name}`"));
         let found = names.collect::<Vec<_>>().join(", ");
@@ -187,7 +188,7 @@ impl Table {
         (!unread.is_empty()).then(defect)
     }
 
-    /// Index of a column that must be there.
+    /// Index of a required column.
     pub(super) fn column(&self, name: &str) -> Result<usize, LogError> {
         self.optional_column(name).ok_or_else(|| {
             let near = self.header.iter().find(|other| other.starts_with(name));
@@ -202,7 +203,7 @@ impl Table {
         })
     }
 
-    /// Index of a column that may be missing.
+    /// Index of an optional column.
     pub(super) fn optional_column(&self, name: &str) -> Option<usize> {
         let mut known = self.known.borrow_mut();
         if !known.iter().any(|known| known == name) {
@@ -211,20 +212,20 @@ impl Table {
         self.header.iter().position(|column| column == name)
     }
 
-    /// The next row, or what makes it unreadable, or `None` at the end.
+    /// The next row, or its defect, or `None` at the end.
     pub(super) fn next_row(&mut self) -> Result<Option<Result<Row<'_>, LogError>>, LogError> {
         if !self.advance()? {
             return Ok(None);
         }
-        Ok(Some(self.whole_row().map(|()| Row { table: self })))
+        Ok(Some(self.check_row().map(|()| Row { table: self })))
     }
 
-    fn whole_row(&self) -> Result<(), LogError> {
+    fn check_row(&self) -> Result<(), LogError> {
         if std::str::from_utf8(&self.record.bytes).is_err() {
             self.text()?;
         }
         let (cells, columns) = (self.record.cells.len(), self.header.len());
-        // A separator behind the last cell parts nothing.
+        // A trailing separator adds no cell.
         let ends_empty = cells == columns + 1 && self.record.cell(columns).is_empty();
         let header_does = columns == cells + 1 && self.header[cells].is_empty();
         if cells == columns || ends_empty || header_does {
@@ -248,7 +249,7 @@ impl Table {
                     let cause = "a copy or a download broke off, or the logger lost power: what \
                                  is whole is used";
                     let defect = self.defect("a whole gzip file", "one that ends too early", cause);
-                    self.broken_off = Some(defect.at_line(self.line));
+                    self.truncated = Some(defect.at_line(self.line));
                     return Ok(false);
                 }
                 Err(error) => return Err(read_failed(&self.path, &error).at_line(self.line + 1)),
@@ -299,13 +300,13 @@ impl Table {
             .at_line(self.line)
     }
 
-    /// Character in the line where a cell begins.
+    /// Position in the line of the first character of a cell.
     fn character(&self, index: usize) -> u64 {
         let cell = self.record.cells.get(index);
         cell.map_or(1, |(start, _)| *start as u64 + 1)
     }
 
-    /// That no row is there.
+    /// The defect of a table without rows.
     pub(super) fn no_rows(&self) -> LogError {
         let cause = "the logger stopped at the header";
         self.defect("rows under the header", "none", cause)
@@ -329,23 +330,23 @@ impl Row<'_> {
         }
     }
 
-    /// A cell that may be empty; one that holds no finite number counts as such.
+    /// A cell that may be empty; a NaN or an infinity counts as such.
     pub(super) fn optional(&self, column: usize) -> Result<Option<f64>, LogError> {
         let value = self.parsed(column)?;
         if value.is_some_and(|value| !value.is_finite()) {
-            self.lose(self.not_finite(column));
+            self.note_lost(self.not_finite(column));
             return Ok(None);
         }
         Ok(value)
     }
 
-    /// Notes a value that is left out of this row.
-    pub(super) fn lose(&self, defect: LogError) {
+    /// Notes a value that is read as empty or left out.
+    pub(super) fn note_lost(&self, defect: LogError) {
         self.table.lost.borrow_mut().add(defect);
     }
 
     fn parsed(&self, column: usize) -> Result<Option<f64>, LogError> {
-        // Nearly all cells; others may have blanks, quotes or a decimal comma.
+        // The common case; other cells may have blanks, quotes or a decimal comma.
         let bytes = self.table.record.cell(column);
         if let Ok(number) = fast_float2::parse(bytes) {
             return Ok(Some(number));
@@ -356,7 +357,7 @@ impl Row<'_> {
         }
         let number = match self.table.separator {
             b',' => cell.parse(),
-            // Beside semicolons a comma is a decimal one.
+            // With other separators a comma is a decimal one.
             _ => cell.replace(',', ".").parse(),
         };
         number.map(Some).map_err(|_| {
@@ -392,7 +393,7 @@ impl Row<'_> {
     }
 }
 
-/// Whether one name may stand for another: a slip of the pen, or a unit behind it.
+/// Whether one name may stand for another: a typing error, or a unit appended.
 fn are_alike(a: &str, b: &str) -> bool {
     strsim::osa_distance(a, b) < 2 || a.starts_with(b) || b.starts_with(a)
 }
@@ -404,7 +405,7 @@ fn unquoted(cell: &str) -> &str {
     inner.unwrap_or(cell).trim()
 }
 
-/// What parts the cells of the header: behind remarks, or the first line.
+/// The separator, from the header or else the first line.
 fn separator(start: &[u8]) -> u8 {
     let lines = || start.split(|&byte| byte == b'\n');
     let names_time = |line: &&[u8]| {
@@ -429,16 +430,16 @@ fn shortened(text: &str) -> String {
     }
 }
 
-/// Whether a file is packed. By content: files get renamed, and browsers unpack what they download.
-pub(super) fn is_packed(path: &Path) -> io::Result<bool> {
+/// Whether a file is gzip, by content: files get renamed, and browsers decompress downloads.
+pub(super) fn is_gzip(path: &Path) -> io::Result<bool> {
     let mut file = BufReader::new(File::open(path)?);
     Ok(file.fill_buf()?.starts_with(&GZIP_MAGIC))
 }
 
-/// A file's bytes, unpacked if they are packed.
-pub(super) fn unpacked(path: &Path) -> io::Result<Box<dyn BufRead>> {
+/// A file's bytes, decompressed if it is gzip.
+pub(super) fn decompressed(path: &Path) -> io::Result<Box<dyn BufRead>> {
     let file = BufReader::new(File::open(path)?);
-    if is_packed(path)? {
+    if is_gzip(path)? {
         Ok(Box::new(BufReader::new(MultiGzDecoder::new(file))))
     } else {
         Ok(Box::new(file))

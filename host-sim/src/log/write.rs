@@ -13,7 +13,7 @@ use super::meta::BodyAxes;
 use super::order::decimal;
 use crate::page::write_csv;
 
-/// Whether the tables are packed.
+/// Whether the tables are gzip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Compression {
     /// `imu.csv` and so on.
@@ -23,7 +23,7 @@ pub enum Compression {
     Gzip,
 }
 
-/// Writes a log into an existing folder, in the axes its metadata names.
+/// Writes a log into an existing folder, in the axes of its metadata.
 pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), LogError> {
     let axes = log.meta.body_axes;
     let mut sigmas = SIGMAS.to_vec();
@@ -61,7 +61,7 @@ fn imu_row(sample: &ImuSample, axes: BodyAxes) -> Vec<String> {
 
 type Part = fn(&GnssFix) -> Option<f64>;
 
-/// Columns of the noise that receivers state, written where one does.
+/// Columns of the stated sigmas, written where there are any.
 const SIGMAS: [(&str, Part); 5] = [
     ("sd_n", |fix| fix.sigma.position_m),
     ("sd_e", |fix| fix.sigma.position_m),
@@ -126,8 +126,8 @@ fn write_table(
         match compression {
             Compression::Plain => write_csv(file, header, rows).map(drop),
             Compression::Gzip => {
-                let packed = GzEncoder::new(file, flate2::Compression::default());
-                write_csv(packed, header, rows)?.finish().map(drop)
+                let gzip = GzEncoder::new(file, flate2::Compression::default());
+                write_csv(gzip, header, rows)?.finish().map(drop)
             }
         }
     };

@@ -15,8 +15,8 @@ use px4_ulog::stream_parser::{
 use tempfile::NamedTempFile;
 
 use super::recording::{
-    Recording, Stamped, bytes, degrees, east_north, joined, over_ground, stated, unpacked_file,
-    unreadable,
+    Recording, Stamped, bytes, decompressed_file, east_north, from_degrees, joined, over_ground,
+    stated, unreadable,
 };
 use crate::log::{BodyAxes, LogError};
 
@@ -41,8 +41,8 @@ pub(super) fn is_ulog(_: &Path, start: &[u8]) -> bool {
 const ULOG_HEADER: usize = 16;
 
 pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
-    let unpacked = unpacked_file(path)?;
-    let file = unpacked.as_ref().map_or(path, NamedTempFile::path);
+    let decompressed = decompressed_file(path)?;
+    let file = decompressed.as_ref().map_or(path, NamedTempFile::path);
     let name = file.to_str().unwrap_or_default();
     let log = Ulog(read_file(name).map_err(|e| match e.kind() {
         // Its words are those of the parser.
@@ -247,7 +247,7 @@ impl Topic<'_> {
             let place = at(&latitude, row).zip(at(&longitude, row));
             GnssFix {
                 time: stamps[row],
-                position: place.and_then(degrees),
+                position: place.and_then(from_degrees),
                 height_m: at(&height, row),
                 velocity_en_mps: level.map(east_north),
                 velocity_up_mps: at(&down, row).filter(|_| velocity).map(|down| -down),
@@ -408,7 +408,7 @@ fn fix(entry: &Entry) -> Option<GnssFix> {
     let speed = entry.get_f64("Spd").zip(entry.get_f64("GCrs"));
     Some(GnssFix {
         time: time(entry)?,
-        position: degrees((place[0]?, place[1]?)),
+        position: from_degrees((place[0]?, place[1]?)),
         height_m: entry.get_f64("Alt"),
         velocity_en_mps: speed.map(over_ground),
         velocity_up_mps: entry.get_f64("VZ").map(|down| -down),

@@ -26,10 +26,10 @@ use ins_core::{GnssFix, ImuOutput, Time};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::recording::{Recording, degrees, east_north, over_ground, stated};
+use super::recording::{Recording, east_north, from_degrees, over_ground, stated};
 use super::texts::{Table, content};
-use crate::log::order::MOST_LEFT_OUT;
-use crate::log::read::{one_of, read_baro, read_truth};
+use crate::log::order::MAX_LEFT_OUT;
+use crate::log::read::{find_table, read_baro, read_truth};
 use crate::log::{LogError, Meta};
 use crate::statistics::rms_of_any;
 
@@ -184,10 +184,10 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     let fixes = gnss.all(|row| fix(&gnss, row), &path, &mut recording.notes)?;
     recording.add_receiver(&path, file, fixes);
     let notes = &mut recording.notes;
-    if let Some(baro) = one_of(folder, "baro.csv")? {
+    if let Some(baro) = find_table(folder, "baro.csv")? {
         recording.baro = read_baro(&baro, notes)?;
     }
-    if let Some(truth) = one_of(folder, "truth.csv")? {
+    if let Some(truth) = find_table(folder, "truth.csv")? {
         recording.truth = read_truth(&truth, notes)?;
     }
     Ok(recording)
@@ -204,7 +204,7 @@ fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
     let ground = cell("speed_mps").zip(cell("course_deg"));
     Some(GnssFix {
         time: Time::from_seconds(cell("t_s")?)?,
-        position: cell("lat_deg").zip(cell("lon_deg")).and_then(degrees),
+        position: cell("lat_deg").zip(cell("lon_deg")).and_then(from_degrees),
         height_m: cell("h_m"),
         velocity_en_mps: level.or_else(|| ground.map(over_ground)),
         velocity_up_mps: cell("vu"),
@@ -292,10 +292,10 @@ impl Columns {
             let cause = format!(
                 "text or empty cells in the columns that meta.toml names, or dates for seconds; left \
                  out, at most {} % of the rows",
-                100.0 * MOST_LEFT_OUT
+                100.0 * MAX_LEFT_OUT
             );
             let defect = LogError::file(path, "rows of numbers", found, cause);
-            if lost as f64 > MOST_LEFT_OUT * rows.len() as f64 {
+            if lost as f64 > MAX_LEFT_OUT * rows.len() as f64 {
                 return Err(defect);
             }
             notes.push(defect);

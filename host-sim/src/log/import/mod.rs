@@ -16,7 +16,7 @@ use std::io::Read;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
-use recording::{Recording, unpacked, unreadable};
+use recording::{Recording, decompressed, unreadable};
 
 use crate::log::{self, Log, LogError};
 pub use recording::Choice;
@@ -105,7 +105,7 @@ const FORMATS: [Format; 13] = [
 fn format(path: &Path) -> Result<Option<&'static Format>, LogError> {
     let mut start = Vec::new();
     if path.is_file() {
-        let source = unpacked(path)?.take(64 * 1024).read_to_end(&mut start);
+        let source = decompressed(path)?.take(64 * 1024).read_to_end(&mut start);
         source.map_err(|e| unreadable(path, &e))?;
     } else if !path.is_dir() {
         return Ok(None);
@@ -157,7 +157,7 @@ fn unknown(path: &Path) -> LogError {
 /// What a log folder needs before it can be given.
 fn lacking(folder: &Path) -> Option<String> {
     let mut tables = ["imu.csv", "gnss.csv"].into_iter();
-    let missing = tables.find(|name| matches!(log::read::one_of(folder, name), Ok(None)))?;
+    let missing = tables.find(|name| matches!(log::read::find_table(folder, name), Ok(None)))?;
     Some(format!(
         "the folder has no {missing}: write it there, with the columns of a log, and give the folder alone"
     ))

@@ -10,10 +10,10 @@ use nmea::ParseResult;
 use nmea::sentences::FixType;
 use nmea::sentences::rmc::RmcStatusOfFix;
 
-use super::recording::{Recording, degrees, east_north, level, over_ground, stated};
+use super::recording::{Recording, east_north, from_degrees, level, over_ground, stated};
 use super::texts::{content, date_and_time, number};
 use crate::log::LogError;
-use crate::log::table::Few;
+use crate::log::table::Defects;
 use crate::statistics::rms;
 
 // --- NMEA: GGA, RMC, VTG and GST of any talker ---
@@ -33,7 +33,7 @@ const DAY_S: f64 = 86_400.0;
 
 pub(super) fn read_nmea(path: &Path) -> Result<Recording, LogError> {
     let text = content(path)?;
-    let (mut epochs, mut damaged) = (Epochs::default(), Few::default());
+    let (mut epochs, mut damaged) = (Epochs::default(), Defects::default());
     for (number, line) in (1..).zip(text.lines()) {
         match line.find('$').map(|at| nmea::parse_str(line[at..].trim())) {
             Some(Ok(sentence)) => epochs.take(&sentence),
@@ -74,7 +74,7 @@ impl Epochs {
                 let Some(fix) = self.fixed(gga.fix_time, fixed) else {
                     return;
                 };
-                fix.position = gga.latitude.zip(gga.longitude).and_then(degrees);
+                fix.position = gga.latitude.zip(gga.longitude).and_then(from_degrees);
                 // The sentence splits the height above the ellipsoid in two.
                 let height = gga.altitude.map(f64::from);
                 let geoid = gga.geoid_separation.map_or(0.0, f64::from);
@@ -90,7 +90,7 @@ impl Epochs {
                 let Some(fix) = self.fixed(rmc.fix_time, fixed) else {
                     return;
                 };
-                fix.position = fix.position.or(rmc.lat.zip(rmc.lon).and_then(degrees));
+                fix.position = fix.position.or(rmc.lat.zip(rmc.lon).and_then(from_degrees));
                 let measured = velocity(rmc.speed_over_ground, rmc.true_course);
                 fix.velocity_en_mps = measured.or(fix.velocity_en_mps);
             }
@@ -305,7 +305,7 @@ fn fix(names: &[&str], row: &str) -> Option<GnssFix> {
 }
 
 fn geodetic_fix(row: &Row) -> Option<GnssFix> {
-    let place = degrees((row.angle("latitude(")?, row.angle("longitude(")?))?;
+    let place = from_degrees((row.angle("latitude(")?, row.angle("longitude(")?))?;
     let both = |a: &str, b: &str| row.cell(a).zip(row.cell(b));
     Some(GnssFix {
         position: Some(place),

@@ -9,8 +9,8 @@ use ins_core::{BaroHeight, FixSigma, GnssFix, ImuOutput, ImuSample, Solution, Ti
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use tempfile::NamedTempFile;
 
-use crate::log::order::{in_order, of_another_time};
-pub(super) use crate::log::read::degrees;
+use crate::log::order::{in_order, outside_samples};
+pub(super) use crate::log::read::from_degrees;
 use crate::log::{self, BodyAxes, Log, LogError, Meta, table};
 
 /// Which of several sensors and receivers, counted from one; that with the most samples if none is
@@ -55,18 +55,18 @@ pub(super) struct Receiver {
 }
 
 /// A file's bytes, unpacked if they are packed.
-pub(super) fn unpacked(path: &Path) -> Result<Box<dyn BufRead>, LogError> {
-    table::unpacked(path).map_err(|e| unreadable(path, &e))
+pub(super) fn decompressed(path: &Path) -> Result<Box<dyn BufRead>, LogError> {
+    table::decompressed(path).map_err(|e| unreadable(path, &e))
 }
 
 /// The same in a file of its own, for parsers that open one; none if it is not packed.
-pub(super) fn unpacked_file(path: &Path) -> Result<Option<NamedTempFile>, LogError> {
+pub(super) fn decompressed_file(path: &Path) -> Result<Option<NamedTempFile>, LogError> {
     let copy = || {
-        if !table::is_packed(path)? {
+        if !table::is_gzip(path)? {
             return Ok(None);
         }
         let mut file = NamedTempFile::new()?;
-        std::io::copy(&mut table::unpacked(path)?, &mut file)?;
+        std::io::copy(&mut table::decompressed(path)?, &mut file)?;
         Ok(Some(file))
     };
     copy().map_err(|e| unreadable(path, &e))
@@ -74,7 +74,7 @@ pub(super) fn unpacked_file(path: &Path) -> Result<Option<NamedTempFile>, LogErr
 
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
     let mut bytes = Vec::new();
-    let read = unpacked(path)?.read_to_end(&mut bytes);
+    let read = decompressed(path)?.read_to_end(&mut bytes);
     read.map_err(|e| unreadable(path, &e))?;
     Ok(bytes)
 }
@@ -219,7 +219,7 @@ impl Recording {
         log::check::check(&mut log, &imu.path, &gnss.path, &mut warnings)?;
         log::barometer::check(&mut log, path, &mut warnings);
         let ends = [log.truth.first(), log.truth.last()].map(|end| end.map(|row| row.time));
-        warnings.extend(of_another_time(path, "a reference", ends, &log));
+        warnings.extend(outside_samples(path, "a reference", ends, &log));
         Ok((log, warnings))
     }
 }

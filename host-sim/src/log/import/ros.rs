@@ -13,7 +13,7 @@ use lz4_flex::frame::FrameDecoder;
 use nalgebra::{Vector2, Vector3};
 use ruzstd::decoding::StreamingDecoder;
 
-use super::recording::{Recording, bytes, degrees, merged, stated, unreadable};
+use super::recording::{Recording, bytes, from_degrees, merged, stated, unreadable};
 use crate::log::{BodyAxes, LogError};
 
 /// What a topic carries, as it comes.
@@ -139,7 +139,7 @@ fn position(message: &mut Cursor) -> Option<GnssFix> {
     // Below zero: no fix.
     (status.cast_signed() >= 0).then(|| GnssFix {
         time,
-        position: degrees((latitude, longitude)),
+        position: from_degrees((latitude, longitude)),
         height_m: Some(altitude).filter(|height| height.is_finite()),
         sigma: stated([level, sigma(covariance[8]), None, None]),
         ..GnssFix::default()
@@ -493,7 +493,7 @@ mod tests {
     }
 
     fn positions(name: &str) -> Topic {
-        let position = degrees((45.0, 9.0));
+        let position = from_degrees((45.0, 9.0));
         topic(
             name,
             Stream::Position(vec![GnssFix {

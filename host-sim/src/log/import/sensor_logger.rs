@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use tempfile::TempDir;
 use zip::ZipArchive;
 
-use super::recording::{Recording, Stamped, degrees, joined, over_ground, stated, unreadable};
+use super::recording::{Recording, Stamped, from_degrees, joined, over_ground, stated, unreadable};
 use super::texts::Table;
 use crate::log::{BodyAxes, LogError};
 
@@ -26,7 +26,7 @@ pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {
 /// The head of the file in which the program gives its folder away.
 const ZIP: &[u8] = b"PK\x03\x04";
 
-fn unpacked(path: &Path) -> Result<TempDir, LogError> {
+fn decompressed(path: &Path) -> Result<TempDir, LogError> {
     let folder = tempfile::tempdir().map_err(|e| unreadable(path, &e))?;
     archive(path)?
         .extract(&folder)
@@ -43,7 +43,7 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     if path.is_dir() {
         return tables(path);
     }
-    let mut recording = tables(unpacked(path)?.path())?;
+    let mut recording = tables(decompressed(path)?.path())?;
     // The unpacked tables are gone: messages name what the user has.
     let imus = recording.imus.iter_mut().map(|imu| &mut imu.path);
     let receivers = recording.receivers.iter_mut().map(|from| &mut from.path);
@@ -112,7 +112,7 @@ fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
         let bearing = cell("bearing").filter(|bearing| *bearing >= 0.0);
         Some(GnssFix {
             time: nanoseconds(*row.get(time)?)?,
-            position: degrees((*row.get(latitude)?, *row.get(longitude)?)),
+            position: from_degrees((*row.get(latitude)?, *row.get(longitude)?)),
             height_m: cell("altitude"),
             velocity_en_mps: speed.zip(bearing).map(over_ground),
             velocity_up_mps: None,

@@ -7,7 +7,7 @@ use std::path::Path;
 use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::recording::{Recording, bytes, degrees, level, stated, unreadable};
+use super::recording::{Recording, bytes, from_degrees, level, stated, unreadable};
 use crate::log::{BodyAxes, LogError};
 
 /// Named columns of numbers; not a number where a cell holds none.
@@ -126,7 +126,7 @@ pub(super) fn read_kitti(path: &Path) -> Result<Recording, LogError> {
         samples.push(BodyAxes::Flu.sample(time, vector(17), vector(11)));
         fixes.push(GnssFix {
             time,
-            position: degrees((cells[0], cells[1])),
+            position: from_degrees((cells[0], cells[1])),
             height_m: Some(cells[2]),
             velocity_en_mps: Some(Vector2::new(cells[7], cells[6])),
             velocity_up_mps: Some(cells[10]),
@@ -183,7 +183,7 @@ fn simulated_fix(time_s: f64, row: &[f64]) -> Option<GnssFix> {
     let [latitude, longitude, height, north, east, down] = *row.first_chunk::<6>()?;
     Some(GnssFix {
         time: Time::from_seconds(time_s)?,
-        position: degrees((latitude, longitude)),
+        position: from_degrees((latitude, longitude)),
         height_m: Some(height),
         velocity_en_mps: Some(Vector2::new(east, north)),
         velocity_up_mps: Some(-down),
@@ -246,7 +246,7 @@ fn kf_gins_fix(row: &[f64]) -> Option<GnssFix> {
     let [time, latitude, longitude, height, north, east, down] = *row.first_chunk::<7>()?;
     let mut fix = GnssFix {
         time: Time::from_seconds(time)?,
-        position: degrees((latitude, longitude)),
+        position: from_degrees((latitude, longitude)),
         height_m: Some(height),
         ..GnssFix::default()
     };

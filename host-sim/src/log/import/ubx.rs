@@ -8,7 +8,7 @@ use std::path::Path;
 use ins_core::{GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::recording::{Recording, Stamped, bytes, degrees, joined, stated};
+use super::recording::{Recording, Stamped, bytes, from_degrees, joined, stated};
 use crate::log::{BodyAxes, LogError};
 
 /// What every frame begins with.
@@ -124,7 +124,7 @@ impl Ubx {
         };
         self.fixes.push(GnssFix {
             time,
-            position: degrees((1e-7 * int(28), 1e-7 * int(24))),
+            position: from_degrees((1e-7 * int(28), 1e-7 * int(24))),
             height_m: Some(1e-3 * int(32)),
             velocity_en_mps: Some(Vector2::new(1e-3 * int(52), 1e-3 * int(48))),
             velocity_up_mps: Some(-1e-3 * int(56)),
