@@ -1,5 +1,5 @@
-//! Logs of autopilots: PX4's `ULog`, and `ArduPilot`'s `DataFlash` of any age. In both messages
-//! describe themselves, and names have changed.
+//! Logs of autopilots: `ULog` of PX4, and `DataFlash` of `ArduPilot`, of any version. Both describe their
+//! messages, whose names have changed.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::ErrorKind;
@@ -15,16 +15,16 @@ use px4_ulog::stream_parser::{
 use tempfile::NamedTempFile;
 
 use super::recording::{
-    Recording, Stamped, bytes, decompressed_file, east_north, from_degrees, joined, over_ground,
-    stated, unreadable,
+    Recording, Stamped, bytes, decompressed_file, east_north, fix_sigma, from_course, from_degrees,
+    joined, unreadable,
 };
 use crate::log::{BodyAxes, LogError};
 
-/// Fix with a position in three dimensions.
+/// Least fix type with three dimensions.
 const FIX_3D: f64 = 3.0;
 
-/// Parameters about inertial sensors and GNSS, of either autopilot; the other thousand are left.
-fn concerns_sensors(parameter: &str) -> bool {
+/// Whether a parameter is about inertial sensors or GNSS, of either autopilot.
+fn is_relevant(parameter: &str) -> bool {
     let starts = [
         "EKF2_", "SENS_", "CAL_ACC", "CAL_GYRO", "GPS", "INS_", "AHRS_", "EK3_",
     ];
@@ -45,7 +45,7 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
     let file = decompressed.as_ref().map_or(path, NamedTempFile::path);
     let name = file.to_str().unwrap_or_default();
     let log = Ulog(read_file(name).map_err(|e| match e.kind() {
-        // Its words are those of the parser.
+        // The parser's own message is about its internals.
         ErrorKind::InvalidData | ErrorKind::Other => {
             let cause =
                 "a damaged file, or no ULog: nothing can be read without them; copy it again";
@@ -83,7 +83,7 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
             }
         }
     }
-    // In logs of before 2018 among the samples.
+    // Before 2018 in `sensor_combined`.
     for message in ["vehicle_air_data", "sensor_baro", "sensor_combined"] {
         if let Some(topic) = log.topic(message, 0)
             && let Some(heights) = topic
@@ -96,15 +96,15 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
     let bytes = std::fs::read(file).map_err(|e| unreadable(path, &e))?;
     let damage = ulog_damage(&bytes);
     if log.0.completeness.is_incomplete() || damage.is_some() {
-        let place = damage.map_or(String::new(), |at| {
+        let at_byte = damage.map_or(String::new(), |at| {
             format!(" at byte {at} of {}", bytes.len())
         });
         let found = match log.0.completeness {
             Completeness::MalformedRecord(_) => {
-                format!("one with a damaged record{place}: read up to there")
+                format!("one with a damaged record{at_byte}: read up to there")
             }
-            Completeness::Truncated => format!("one that ends too early, or is damaged{place}"),
-            Completeness::Complete => format!("one that is damaged{place}"),
+            Completeness::Truncated => format!("one that ends too early, or is damaged{at_byte}"),
+            Completeness::Complete => format!("one that is damaged{at_byte}"),
         };
         let cause = "the logger lost power, or the file is damaged; what is whole is used";
         let defect = LogError::file(path, "a whole log", found, cause);
@@ -113,8 +113,8 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
     Ok(recording)
 }
 
-/// The byte at which records no longer follow each other, if they break: the parser skips those of kinds that
-/// it does not know, and with a wrong length whatever is behind.
+/// Offset at which the sequence of records breaks, if it does: the parser skips unknown types, and at a wrong
+/// length the records behind it.
 fn ulog_damage(bytes: &[u8]) -> Option<usize> {
     let mut parser = LogParser::default();
     let (mut at, mut length) = (0, ULOG_HEADER);
@@ -129,13 +129,13 @@ fn ulog_damage(bytes: &[u8]) -> Option<usize> {
             [low, high, kind, ..] if is_whole && kind.is_ascii_alphabetic() => {
                 3 + usize::from(u16::from_le_bytes([*low, *high]))
             }
-            // A crash cuts the records off, and appends what it leaves.
+            // After a crash records end early, and appended data follow.
             _ => return (parser.appended_offsets()[0] == 0).then_some(at),
         };
     }
 }
 
-/// As set when the log began. What can be read of them is enough: they only help to print more.
+/// Initial parameters, as far as readable: they are for information only.
 fn parameters(file: &str) -> BTreeMap<String, f64> {
     let mut all = BTreeMap::new();
     let mut take = |message: &Message| {
@@ -149,7 +149,7 @@ fn parameters(file: &str) -> BTreeMap<String, f64> {
             Message::Data(_) => return SimpleCallbackResult::Stop,
             _ => return SimpleCallbackResult::KeepReading,
         };
-        if concerns_sensors(name) {
+        if is_relevant(name) {
             all.insert((*name).to_owned(), value);
         }
         SimpleCallbackResult::KeepReading
@@ -167,7 +167,7 @@ impl Ulog {
     }
 }
 
-/// Columns of one message of one source.
+/// Columns of a message of one instance.
 struct Topic<'a>(&'a HashMap<String, SomeVec>);
 
 impl Topic<'_> {
@@ -189,7 +189,7 @@ impl Topic<'_> {
         })
     }
 
-    /// When it was sampled, where that is written, or else published.
+    /// Times of sampling where present, or else of publication.
     fn stamps(&self) -> Vec<Time> {
         let sampled = self
             .column("timestamp_sample")
@@ -200,21 +200,21 @@ impl Topic<'_> {
     }
 
     fn vectors(&self, name: &str) -> Vec<Stamped> {
-        self.three([0, 1, 2].map(|axis| format!("{name}[{axis}]")))
+        self.vectors_of([0, 1, 2].map(|axis| format!("{name}[{axis}]")))
     }
 
     fn axes(&self) -> Vec<Stamped> {
-        self.three(["x", "y", "z"].map(str::to_owned))
+        self.vectors_of(["x", "y", "z"].map(str::to_owned))
     }
 
-    fn three(&self, names: [String; 3]) -> Vec<Stamped> {
+    fn vectors_of(&self, names: [String; 3]) -> Vec<Stamped> {
         let [x, y, z] = names.map(|name| self.column(&name).unwrap_or_default());
         let vectors = x.into_iter().zip(y).zip(z);
         let vectors = vectors.map(|((x, y), z)| Vector3::new(x, y, z));
         self.stamps().into_iter().zip(vectors).collect()
     }
 
-    /// Means over the intervals of increments.
+    /// Mean rates over the intervals of increments.
     fn rates(&self, name: &str) -> Vec<Stamped> {
         let micros = self.column(&format!("{name}_dt")).unwrap_or_default();
         let increments = self.vectors(name).into_iter().zip(micros);
@@ -226,7 +226,7 @@ impl Topic<'_> {
     fn fixes(&self) -> Vec<GnssFix> {
         let stamps = self.stamps();
         let column = |name: &str| self.column(name);
-        // Integers before 2024.
+        // Scaled integers before 2024.
         let scaled = |name: &str, by: f64| {
             let column = self.column(name)?;
             Some(column.into_iter().map(|x| by * x).collect::<Vec<_>>())
@@ -243,15 +243,15 @@ impl Topic<'_> {
         };
         let fix = |row: usize| {
             let velocity = at(&valid, row).is_none_or(|valid| valid > 0.0);
-            let level = at(&east, row).zip(at(&north, row)).filter(|_| velocity);
-            let place = at(&latitude, row).zip(at(&longitude, row));
+            let horizontal = at(&east, row).zip(at(&north, row)).filter(|_| velocity);
+            let position = at(&latitude, row).zip(at(&longitude, row));
             GnssFix {
                 time: stamps[row],
-                position: place.and_then(from_degrees),
+                position: position.and_then(from_degrees),
                 height_m: at(&height, row),
-                velocity_en_mps: level.map(east_north),
+                velocity_en_mps: horizontal.map(east_north),
                 velocity_up_mps: at(&down, row).filter(|_| velocity).map(|down| -down),
-                sigma: stated([at(&eph, row), at(&epv, row), at(&speed, row), None]),
+                sigma: fix_sigma([at(&eph, row), at(&epv, row), at(&speed, row), None]),
             }
         };
         let fixed = |row: &usize| at(&kind, *row).is_none_or(|kind| kind >= FIX_3D);
@@ -261,7 +261,7 @@ impl Topic<'_> {
 
 // --- DataFlash ---
 
-/// The head of the first message, which describes messages.
+/// Header of the first message, a format message.
 pub(super) fn is_dataflash(_: &Path, start: &[u8]) -> bool {
     start.starts_with(&[0xa3, 0x95, 0x80])
 }
@@ -280,7 +280,7 @@ pub(super) fn read_dataflash(path: &Path) -> Result<Recording, LogError> {
     let mut streams = Streams::default();
     let bytes = bytes(path)?;
     let mut reader = Reader::new(bytes.as_slice());
-    // The reader skips what is damaged, and says nothing.
+    // The reader skips damaged bytes silently.
     let (mut whole, mut damage) = (0, None);
     while let Some(Ok(entry)) = reader.next() {
         let head = bytes.get(whole..whole + 3);
@@ -292,7 +292,7 @@ pub(super) fn read_dataflash(path: &Path) -> Result<Recording, LogError> {
         streams.take(&entry);
     }
     let (at, length) = (damage.unwrap_or(whole), bytes.len());
-    // The last message breaks off where power is lost, as ever.
+    // An incomplete last message is normal, from power-off.
     let damage = (length > at + usize::from(u8::MAX)).then(|| {
         let lost = length.saturating_sub(whole);
         let found = format!("{lost} of {length} bytes that are no messages, from byte {at} on");
@@ -362,7 +362,7 @@ impl Streams {
             "CTUN" => self.height(("CTUN", instance), entry, "BarAlt"),
             "PARM" => {
                 let set = entry.get_str("Name").zip(entry.get_f64("Value"));
-                let set = set.filter(|(name, _)| concerns_sensors(name));
+                let set = set.filter(|(name, _)| is_relevant(name));
                 let set = set.map(|(name, value)| (name.to_owned(), value));
                 self.parameters.extend(set);
             }
@@ -371,8 +371,8 @@ impl Streams {
     }
 }
 
-/// Message and number of its source: a field in new logs, a digit of the name in old ones, which
-/// counted gyros and accelerometers from one and had no number for the first of the others.
+/// Message name and instance, from one: a field in new logs; in old ones a digit of the name, from one for
+/// gyros and accelerometers, and from two, none for the first, for others.
 fn instance(entry: &Entry) -> (&str, u32) {
     let name = entry.name.trim_end_matches(|c: char| c.is_ascii_digit());
     let digit = entry.name[name.len()..].parse().ok();
@@ -380,8 +380,8 @@ fn instance(entry: &Entry) -> (&str, u32) {
     (name, field.map(|i| i + 1).or(digit).unwrap_or(1))
 }
 
-/// On the autopilot's clock: of the sample, where that is written, or else of the message. In old
-/// fixes TimeMS is GPS time, and T the autopilot's.
+/// Time by the autopilot's clock, of sampling where present, or else of the message. In old fixes TimeMS is
+/// GPS time, and T the autopilot's.
 fn time(entry: &Entry) -> Option<Time> {
     let integer = |name| {
         let unsigned = || i64::try_from(entry.get_u64(name)?).ok();
@@ -404,34 +404,34 @@ fn fix(entry: &Entry) -> Option<GnssFix> {
     if entry.get_f64("Status")? < FIX_3D {
         return None;
     }
-    let place = ["Lat", "Lng"].map(|name| entry.get_f64(name).map(|angle| 1e-7 * angle));
+    let position = ["Lat", "Lng"].map(|name| entry.get_f64(name).map(|angle| 1e-7 * angle));
     let speed = entry.get_f64("Spd").zip(entry.get_f64("GCrs"));
     Some(GnssFix {
         time: time(entry)?,
-        position: from_degrees((place[0]?, place[1]?)),
+        position: from_degrees((position[0]?, position[1]?)),
         height_m: entry.get_f64("Alt"),
-        velocity_en_mps: speed.map(over_ground),
+        velocity_en_mps: speed.map(from_course),
         velocity_up_mps: entry.get_f64("VZ").map(|down| -down),
         ..GnssFix::default()
     })
 }
 
-/// The message about the accuracy of the fix before it.
+/// Accuracy of the preceding fix.
 fn accuracy(entry: &Entry, fix: &mut GnssFix) {
-    let [level, up, speed] = ["HAcc", "VAcc", "SAcc"].map(|name| entry.get_f64(name));
-    fix.sigma = stated([level, up, speed, None]);
+    let [horizontal, up, speed] = ["HAcc", "VAcc", "SAcc"].map(|name| entry.get_f64(name));
+    fix.sigma = fix_sigma([horizontal, up, speed, None]);
     if entry.get_f64("VV") == Some(0.0) {
         fix.velocity_up_mps = None;
     }
 }
 
-/// Whether the driver was told to give heights above the ellipsoid instead of the sea.
+/// Whether the driver outputs heights above the ellipsoid instead of sea level.
 fn is_ellipsoidal(driver_options: f64) -> bool {
     (driver_options / 16.0).rem_euclid(2.0) >= 1.0
 }
 
-/// `ArduPilot`'s undulation is the height above the sea less that above the ellipsoid: elsewhere it
-/// is the other way round.
+/// `ArduPilot`'s undulation is the height above sea level minus that above the ellipsoid, opposite to the
+/// usual sign convention.
 fn above_the_ellipsoid(entry: &Entry, fix: &mut GnssFix) {
     let undulation_m = entry.get_f64("Und").unwrap_or_default();
     fix.height_m = fix.height_m.map(|height_m| height_m - undulation_m);

@@ -1,4 +1,4 @@
-//! Any tables, by names of their columns in meta.toml:
+//! Any tables, whose columns are named in meta.toml:
 //!
 //! ```toml
 //! [log]
@@ -9,7 +9,7 @@
 //! t_s = { column = "stamp", unit = "ms" }
 //! gyro_x = { column = "wx", unit = "deg/s" }
 //! accel_z = { column = "az", unit = "g", sign = -1 }
-//! # ... the names on the left are those of a log's own tables, a text on the right is a name
+//! # ... the keys are the columns of a log's own tables, a string is the name of a column
 //! [columns.gnss]
 //! file = "gps.txt"
 //! t_s = "time"
@@ -26,7 +26,7 @@ use ins_core::{GnssFix, ImuOutput, Time};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::recording::{Recording, east_north, from_degrees, over_ground, stated};
+use super::recording::{Recording, east_north, fix_sigma, from_course, from_degrees};
 use super::texts::{Table, content};
 use crate::log::order::MAX_LEFT_OUT;
 use crate::log::read::{find_table, read_baro, read_truth};
@@ -72,7 +72,7 @@ enum Source {
     },
 }
 
-/// Units, and what one of each is in the log's own.
+/// Units, and their factors to the units of a log.
 type Units = &'static [(&'static str, f64)];
 
 const TIME: Units = &[
@@ -88,7 +88,7 @@ const RATE: Units = &[
     ("mdeg/s", 1.745_329_251_994_329_5e-5),
     ("deg/h", 4.848_136_811_095_36e-6),
 ];
-const TURN: Units = &[("rad", 1.0), ("deg", 0.017_453_292_519_943_295)];
+const ROTATION: Units = &[("rad", 1.0), ("deg", 0.017_453_292_519_943_295)];
 const FORCE: Units = &[("m/s^2", 1.0), ("g", 9.806_65), ("mg", 9.806_65e-3)];
 const SPEED: Units = &[
     ("m/s", 1.0),
@@ -125,11 +125,11 @@ const GNSS: [(&str, Units); 16] = [
     ("sd_vu", SPEED),
 ];
 
-/// Names of the inertial table; increments are angles and speeds.
+/// Columns of the inertial table; increments are of angle and velocity.
 fn inertial(output: ImuOutput) -> Vec<(&'static str, Units)> {
     let (gyro, accel) = match output {
         ImuOutput::Rates => (RATE, FORCE),
-        ImuOutput::Increments => (TURN, SPEED),
+        ImuOutput::Increments => (ROTATION, SPEED),
     };
     let gyro = GYRO.map(|name| (name, gyro));
     let accel = ACCEL.map(|name| (name, accel));
@@ -148,11 +148,11 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     let document: Document =
         toml::from_str(&text).map_err(|e| LogError::toml(&path, &text, &e, cause))?;
     let mut recording = Recording::default();
-    let mut about = Meta::read(&path, &mut recording.notes)?;
-    // The log that is made of it has the columns of all logs.
-    about.document.remove("columns");
-    let axes = about.body_axes;
-    let imu = Columns::open(folder, &document.columns.imu, &inertial(about.imu), &path)?;
+    let mut meta = Meta::read(&path, &mut recording.notes)?;
+    // The converted log has standard columns.
+    meta.document.remove("columns");
+    let axes = meta.body_axes;
+    let imu = Columns::open(folder, &document.columns.imu, &inertial(meta.imu), &path)?;
     let gnss = Columns::open(folder, &document.columns.gnss, &GNSS, &path)?;
     imu.require(&[&["t_s"], &GYRO[..], &ACCEL].concat(), &path)?;
     gnss.require(&["t_s"], &path)?;
@@ -161,7 +161,7 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
         ["ve", "vn"],
         ["speed_mps", "course_deg"],
     ] {
-        if pair.iter().any(|name| gnss.of.contains_key(*name)) {
+        if pair.iter().any(|name| gnss.columns.contains_key(*name)) {
             gnss.require(&pair, &path)?;
         }
     }
@@ -175,13 +175,13 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     };
     let file = &document.columns.imu.file;
     let path = folder.join(file);
-    let samples = imu.all(sample, &path, &mut recording.notes)?;
+    let samples = imu.parsed(sample, &path, &mut recording.notes)?;
     recording.add_imu(&path, file, axes, samples);
-    recording.imus[0].output = about.imu;
-    recording.about = Some(about);
+    recording.imus[0].output = meta.imu;
+    recording.meta = Some(meta);
     let file = &document.columns.gnss.file;
     let path = folder.join(file);
-    let fixes = gnss.all(|row| fix(&gnss, row), &path, &mut recording.notes)?;
+    let fixes = gnss.parsed(|row| fix(&gnss, row), &path, &mut recording.notes)?;
     recording.add_receiver(&path, file, fixes);
     let notes = &mut recording.notes;
     if let Some(baro) = find_table(folder, "baro.csv")? {
@@ -195,20 +195,20 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
 
 fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
     let cell = |name: &str| gnss.cell(row, name);
-    // As of a log's own columns: the root mean square of those stated.
+    // As for a log's own columns: the root mean square of those stated.
     let sigma = |names: &[&str]| {
         let stated = names.iter().filter_map(|name| cell(name));
         rms_of_any(stated.filter(|sigma| *sigma > 0.0))
     };
-    let level = cell("ve").zip(cell("vn")).map(east_north);
-    let ground = cell("speed_mps").zip(cell("course_deg"));
+    let velocity = cell("ve").zip(cell("vn")).map(east_north);
+    let speed_and_course = cell("speed_mps").zip(cell("course_deg"));
     Some(GnssFix {
         time: Time::from_seconds(cell("t_s")?)?,
         position: cell("lat_deg").zip(cell("lon_deg")).and_then(from_degrees),
         height_m: cell("h_m"),
-        velocity_en_mps: level.or_else(|| ground.map(over_ground)),
+        velocity_en_mps: velocity.or_else(|| speed_and_course.map(from_course)),
         velocity_up_mps: cell("vu"),
-        sigma: stated([
+        sigma: fix_sigma([
             sigma(&["sd_n", "sd_e"]),
             sigma(&["sd_u"]),
             sigma(&["sd_ve", "sd_vn", "sd_v"]),
@@ -217,23 +217,23 @@ fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
     })
 }
 
-/// A table, and where the log's own columns stand in it with what they are multiplied by.
+/// A table, with index and factor of each of a log's own columns.
 struct Columns {
     table: Table,
-    of: BTreeMap<String, (usize, f64)>,
+    columns: BTreeMap<String, (usize, f64)>,
 }
 
 impl Columns {
     fn open(
         folder: &Path,
-        columns: &TableColumns,
+        named: &TableColumns,
         known: &[(&str, Units)],
         meta: &Path,
     ) -> Result<Self, LogError> {
-        let path = folder.join(&columns.file);
+        let path = folder.join(&named.file);
         let table = Table::read(&path)?;
-        let mut of = BTreeMap::new();
-        for (name, source) in &columns.columns {
+        let mut columns = BTreeMap::new();
+        for (name, source) in &named.columns {
             let own = known.iter().find(|(own, _)| own == name);
             let (_, units) = own.ok_or_else(|| unknown_name(name, known, meta))?;
             let (column, unit, sign) = match source {
@@ -254,17 +254,17 @@ impl Columns {
                     LogError::file(meta, format!("a unit of `{name}`"), unit, cause)
                 })?,
             };
-            let place = table.required(column, &path).map_err(|defect| LogError {
+            let index = table.required(column, &path).map_err(|defect| LogError {
                 cause: "misspelt in [columns] of meta.toml, or another file".into(),
                 ..defect
             })?;
-            of.insert(name.clone(), (place, sign * scale));
+            columns.insert(name.clone(), (index, sign * scale));
         }
-        Ok(Self { table, of })
+        Ok(Self { table, columns })
     }
 
     fn require(&self, names: &[&str], meta: &Path) -> Result<(), LogError> {
-        match names.iter().find(|name| !self.of.contains_key(**name)) {
+        match names.iter().find(|name| !self.columns.contains_key(**name)) {
             None => Ok(()),
             Some(name) => {
                 let cause = "say which column of the file it is";
@@ -274,8 +274,8 @@ impl Columns {
         }
     }
 
-    /// What every row says; those that cannot be read are named, and refused if they are many.
-    fn all<T>(
+    /// All rows, parsed; unreadable ones give a warning, or an error if they are many.
+    fn parsed<T>(
         &self,
         of_row: impl Fn(&Vec<f64>) -> Option<T>,
         path: &Path,
@@ -304,7 +304,7 @@ impl Columns {
     }
 
     fn cell(&self, row: &[f64], name: &str) -> Option<f64> {
-        let (index, scale) = self.of.get(name)?;
+        let (index, scale) = self.columns.get(name)?;
         row.get(*index)
             .map(|value| scale * value)
             .filter(|value| value.is_finite())

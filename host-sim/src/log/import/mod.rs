@@ -1,7 +1,6 @@
-//! Recordings of other programs: told by their content, made a [`Log`].
+//! Recordings of other programs: recognised by content, converted to a [`Log`].
 //!
-//! A file for each kin of formats gives the inertial sensors and the receivers that it finds as they
-//! are; what is common to all is here.
+//! A module per family of formats returns all inertial sensors and receivers, unmodified.
 
 mod autopilots;
 mod columns;
@@ -41,7 +40,7 @@ pub fn open_all(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>
     }
 }
 
-/// Reads one log from one recording, or from one of inertial sensors and one of GNSS.
+/// Reads a log from one recording, or from one of inertial sensors and one of GNSS.
 pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
     let mut all = Recording::default();
     for path in paths {
@@ -55,7 +54,7 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
         if all.truth.is_empty() {
             all.truth = recording.truth;
         }
-        all.about = all.about.or(recording.about);
+        all.meta = all.meta.or(recording.meta);
         all.parameters.extend(recording.parameters);
         all.notes.extend(recording.notes);
     }
@@ -63,13 +62,13 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
     all.log(path, choice)
 }
 
-/// Numbers of the inertial sensors of a recording but that which is used unasked.
+/// Numbers of the inertial sensors of a recording, except the default.
 pub(crate) fn other_imus(path: &Path) -> Result<Vec<usize>, LogError> {
     let of_format = |format: &Format| Ok(recording(path, format)?.other_imus());
     format(path)?.map_or(Ok(Vec::new()), of_format)
 }
 
-/// What a file holds. Parsers of others may panic at damage, which is no more than an error of the file.
+/// Reads a file. External parsers may panic on damaged files, which is made an error of the file.
 fn recording(path: &Path, (_, read): &Format) -> Result<Recording, LogError> {
     catch_unwind(|| read(path)).unwrap_or_else(|_| {
         let cause = "a damaged file: copy it again, or repair it with the tools of its format";
@@ -78,13 +77,13 @@ fn recording(path: &Path, (_, read): &Format) -> Result<Recording, LogError> {
     })
 }
 
-/// Tells a format from a path and the first bytes of its file, and reads it.
+/// Recognises a format by path and first bytes of the file; reads a file of it.
 type Format = (
     fn(&Path, &[u8]) -> bool,
     fn(&Path) -> Result<Recording, LogError>,
 );
 
-/// Those that are sure first.
+/// Unambiguous ones first.
 const FORMATS: [Format; 13] = [
     (autopilots::is_ulog, autopilots::read_ulog),
     (autopilots::is_dataflash, autopilots::read_dataflash),
@@ -124,7 +123,7 @@ fn unknown(path: &Path) -> LogError {
         path.parent()
     };
     let tables = folder.filter(|folder| is_log(folder) && !columns::recognised(folder, &[]));
-    let lacking = tables.and_then(lacking);
+    let missing_table = tables.and_then(missing_table);
     let is_empty = std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0);
     let (found, cause) = if !path.exists() {
         ("nothing of this name", "a wrong or misspelt path")
@@ -133,8 +132,8 @@ fn unknown(path: &Path) -> LogError {
             "an empty file",
             "the logger never wrote to it, or a copy failed",
         )
-    } else if let Some(lacking) = &lacking {
-        ("part of a log folder", lacking.as_str())
+    } else if let Some(missing_table) = &missing_table {
+        ("part of a log folder", missing_table.as_str())
     } else if is_log(path) {
         (
             "a log folder",
@@ -154,8 +153,8 @@ fn unknown(path: &Path) -> LogError {
     )
 }
 
-/// What a log folder needs before it can be given.
-fn lacking(folder: &Path) -> Option<String> {
+/// The first missing table of a log folder, and the remedy.
+fn missing_table(folder: &Path) -> Option<String> {
     let mut tables = ["imu.csv", "gnss.csv"].into_iter();
     let missing = tables.find(|name| matches!(log::read::find_table(folder, name), Ok(None)))?;
     Some(format!(

@@ -1,4 +1,4 @@
-//! Texts of receivers, with an inertial file beside: NMEA 0183, and solutions of RTKLIB (.pos).
+//! Text files of GNSS only: NMEA 0183, and solutions of RTKLIB (.pos).
 
 use std::path::Path;
 
@@ -10,7 +10,9 @@ use nmea::ParseResult;
 use nmea::sentences::FixType;
 use nmea::sentences::rmc::RmcStatusOfFix;
 
-use super::recording::{Recording, east_north, from_degrees, level, over_ground, stated};
+use super::recording::{
+    Recording, east_north, fix_sigma, from_course, from_degrees, horizontal_sigma,
+};
 use super::texts::{content, date_and_time, number};
 use crate::log::LogError;
 use crate::log::table::Defects;
@@ -18,7 +20,7 @@ use crate::statistics::rms;
 
 // --- NMEA: GGA, RMC, VTG and GST of any talker ---
 
-/// A sentence in the first bytes.
+/// A sentence in the first lines.
 pub(super) fn is_nmea(_: &Path, start: &[u8]) -> bool {
     let text = String::from_utf8_lossy(start);
     let sentence = |line: &str| {
@@ -53,16 +55,16 @@ pub(super) fn read_nmea(path: &Path) -> Result<Recording, LogError> {
     Ok(recording)
 }
 
-/// Sentences of one epoch put together; most have only the time of the day.
+/// Sentences merged by epoch; most have only the time of day.
 #[derive(Default)]
 struct Epochs {
     fixes: Vec<GnssFix>,
-    /// Velocities of VTG, which has no time, and how many fixes were there before.
-    untimed: Vec<(usize, Vector2<f64>)>,
-    /// Midnight before the epoch, s since 1970 if a date is known.
+    /// Velocities of VTG, which has no time, with the number of preceding fixes.
+    vtg: Vec<(usize, Vector2<f64>)>,
+    /// Midnight of the epoch, s since 1970 if a date is known.
     day_s: f64,
     last_s: Option<f64>,
-    /// The receiver said that the last of the fixes is none.
+    /// The last of the fixes is invalid by its status.
     void: bool,
 }
 
@@ -75,7 +77,7 @@ impl Epochs {
                     return;
                 };
                 fix.position = gga.latitude.zip(gga.longitude).and_then(from_degrees);
-                // The sentence splits the height above the ellipsoid in two.
+                // Height above sea level plus geoid separation is height above the ellipsoid.
                 let height = gga.altitude.map(f64::from);
                 let geoid = gga.geoid_separation.map_or(0.0, f64::from);
                 fix.height_m = height.map(|height| height + geoid);
@@ -97,92 +99,92 @@ impl Epochs {
             ParseResult::VTG(vtg) if !self.void => {
                 let measured = velocity(vtg.speed_over_ground, vtg.true_course);
                 let before = self.fixes.len();
-                let untimed = measured.map(|measured| (before, measured));
-                self.untimed.extend(untimed);
+                let vtg = measured.map(|measured| (before, measured));
+                self.vtg.extend(vtg);
             }
             ParseResult::GST(gst) => {
                 if let Some(fix) = self.epoch(gst.time) {
                     let sigmas = [gst.lat_sd, gst.long_sd, gst.alt_sd].map(|s| s.map(f64::from));
                     let [north, east, up] = sigmas.map(|sigma| sigma.filter(|s| *s > 0.0));
-                    fix.sigma = stated([north.zip(east).map(level), up, None, None]);
+                    fix.sigma = fix_sigma([north.zip(east).map(horizontal_sigma), up, None, None]);
                 }
             }
             _ => {}
         }
     }
 
-    /// All, with the velocities of VTG where there is no other, as of RMC: each is of the sentence before
-    /// it, or of that after it where positions say so.
+    /// All fixes, with velocities of VTG where there is none of RMC: each belongs to the preceding fix, or to
+    /// the following one where positions show so.
     fn fixes(mut self) -> Vec<GnssFix> {
-        let leads = self.off_mps(1) < self.doubt() * self.off_mps(0);
-        for (before, measured) in self.untimed {
-            let index = (before + usize::from(leads)).checked_sub(1);
+        let vtg_first = self.vtg_error_mps(1) < self.max_error_ratio() * self.vtg_error_mps(0);
+        for (before, measured) in self.vtg {
+            let index = (before + usize::from(vtg_first)).checked_sub(1);
             let fix = index.and_then(|index| self.fixes.get_mut(index));
-            // One that the receiver calls void has none.
-            if let Some(fix) = fix.filter(|fix| !leads || fix.position.is_some()) {
+            // Invalid fixes have no position, and get no velocity.
+            if let Some(fix) = fix.filter(|fix| !vtg_first || fix.position.is_some()) {
                 fix.velocity_en_mps = fix.velocity_en_mps.or(Some(measured));
             }
         }
         self.fixes
     }
 
-    /// What part of how far off the sentence before a VTG is that after it may be at most. A file that
-    /// ends without a VTG has lost its last one or its first: positions must say clearly which.
-    fn doubt(&self) -> f64 {
-        match [self.untimed.first(), self.untimed.last()] {
+    /// Largest ratio of the VTG errors with the following and the preceding fixes for VTG to belong to the
+    /// following. A file that ends without a VTG lacks its last or its first: positions must show which.
+    fn max_error_ratio(&self) -> f64 {
+        match [self.vtg.first(), self.vtg.last()] {
             [Some((0, _)), _] => 1.0,
             [_, Some((before, _))] if *before < self.fixes.len() => 0.5,
             _ => 0.0,
         }
     }
 
-    /// How far velocities of VTG are from the way between positions, if they are of the fix before
-    /// them (0) or after (1), RMS; not a number where none is beside two positions.
-    fn off_mps(&self, after: usize) -> f64 {
-        let off = |(before, measured): &(usize, Vector2<f64>)| {
+    /// RMS difference of VTG velocities from those by positions, if they belong to the preceding fix (0) or the
+    /// following (1); NaN where none has a position on both sides.
+    fn vtg_error_mps(&self, after: usize) -> f64 {
+        let error = |(before, measured): &(usize, Vector2<f64>)| {
             let index = (before + after).checked_sub(2)?;
             let [from, to] = [self.fixes.get(index)?, self.fixes.get(index + 2)?];
-            let way_m = to.geodetic_or(0.0)?.enu_from(&from.geodetic_or(0.0)?).xy();
-            let off = (way_m / to.time.seconds_since(from.time) - measured).norm();
-            off.is_finite().then_some(off)
+            let displacement_m = to.geodetic_or(0.0)?.enu_from(&from.geodetic_or(0.0)?).xy();
+            let error = (displacement_m / to.time.seconds_since(from.time) - measured).norm();
+            error.is_finite().then_some(error)
         };
-        rms(self.untimed.iter().filter_map(off))
+        rms(self.vtg.iter().filter_map(error))
     }
 
-    /// The first date moves the fixes before it too.
+    /// Sets the date; the first one also applies to the fixes before it.
     fn date(&mut self, day_s: f64) {
         if self.day_s < DAY_S {
             for fix in &mut self.fixes {
                 fix.time = fix.time.plus_seconds(day_s);
             }
         } else if day_s > self.day_s {
-            // The day is new already: its first time must not begin another.
+            // The first time of the new day must not start another day.
             self.last_s = None;
         }
         self.day_s = day_s;
     }
 
-    /// The fix of a time of day, if the receiver says that it is one.
+    /// The fix at a time of day, if it is valid.
     fn fixed(&mut self, time: Option<chrono::NaiveTime>, fixed: bool) -> Option<&mut GnssFix> {
         let timed = self.epoch(time).is_some();
         self.void |= !fixed;
         self.fixes.last_mut().filter(|_| timed && fixed)
     }
 
-    /// The fix of a time of day, begun if it is not there.
+    /// The fix at a time of day, a new one if needed.
     fn epoch(&mut self, time: Option<chrono::NaiveTime>) -> Option<&mut GnssFix> {
         let time = time?;
         let nanoseconds = f64::from(time.nanosecond());
-        let of_day_s = f64::from(time.num_seconds_from_midnight()) + 1e-9 * nanoseconds;
-        let new_day = |last_s: f64| of_day_s < last_s - 0.5 * DAY_S;
+        let time_of_day_s = f64::from(time.num_seconds_from_midnight()) + 1e-9 * nanoseconds;
+        let new_day = |last_s: f64| time_of_day_s < last_s - 0.5 * DAY_S;
         if self.last_s.is_some_and(new_day) {
             self.day_s += DAY_S;
         }
-        if self.last_s != Some(of_day_s) {
-            self.last_s = Some(of_day_s);
+        if self.last_s != Some(time_of_day_s) {
+            self.last_s = Some(time_of_day_s);
             self.void = false;
             self.fixes.push(GnssFix {
-                time: Time::from_seconds(self.day_s + of_day_s)?,
+                time: Time::from_seconds(self.day_s + time_of_day_s)?,
                 ..GnssFix::default()
             });
         }
@@ -192,14 +194,14 @@ impl Epochs {
 
 fn velocity(speed_kn: Option<f32>, course_deg: Option<f32>) -> Option<Vector2<f64>> {
     let speed_mps = speed_kn.map(|speed| KNOT_MPS * f64::from(speed));
-    // At rest there is no course, and none is needed.
+    // At rest there may be no course.
     let course_deg = course_deg
         .map(f64::from)
         .or((speed_mps == Some(0.0)).then_some(0.0));
-    speed_mps.zip(course_deg).map(over_ground)
+    speed_mps.zip(course_deg).map(from_course)
 }
 
-// --- RTKLIB: geodetic or geocentric, by date or week ---
+// --- RTKLIB: geodetic or ECEF, by date or GPS week ---
 
 /// The line that names the columns.
 pub(super) fn is_rtklib(_: &Path, start: &[u8]) -> bool {
@@ -223,17 +225,17 @@ fn header(text: &str) -> Option<Vec<&str>> {
     Some(of_each.collect())
 }
 
-/// How names of angles in degrees, minutes and seconds end.
+/// End of the names of angles in degrees, minutes and seconds.
 const SEXAGESIMAL: &str = "(d'\")";
 
-/// The separator is the user's choice.
+/// The separator is configurable.
 fn cells(line: &str) -> impl Iterator<Item = &str> {
     line.split([' ', ',', ';', '\t'])
         .filter(|cell| !cell.is_empty())
 }
 
 const WEEK_S: f64 = 604_800.0;
-/// From 1970 to the first GPS week, s.
+/// GPS epoch, s since 1970.
 const GPS_S: f64 = 315_964_800.0;
 
 pub(super) fn read_rtklib(path: &Path) -> Result<Recording, LogError> {
@@ -270,7 +272,7 @@ impl Row<'_> {
         Some(Vector3::new(x?, y?, z?))
     }
 
-    /// Degrees, also of those with minutes and seconds.
+    /// Degrees, also from degrees, minutes and seconds.
     fn angle(&self, name: &str) -> Option<f64> {
         let index = self.index(name)?;
         let degrees = self.number(index)?;
@@ -278,11 +280,11 @@ impl Row<'_> {
             return Some(degrees);
         }
         let (minutes, seconds) = (self.number(index + 1)?, self.number(index + 2)?);
-        // -0 degrees has a sign, too.
+        // -0 deg is negative, too.
         Some(degrees + (minutes / 60.0 + seconds / 3600.0).copysign(degrees))
     }
 
-    /// Covariance of a vector of the geocentric frame: roots with their signs.
+    /// Covariance in ECEF, which is stated as square roots with sign.
     fn covariance(&self, names: [&str; 6]) -> Option<Matrix3<f64>> {
         let [xx, yy, zz, xy, yz, zx] = names.map(|name| self.cell(name).map(|s| s * s.abs()));
         let (xy, yz, zx) = (xy?, yz?, zx?);
@@ -294,7 +296,7 @@ fn fix(names: &[&str], row: &str) -> Option<GnssFix> {
     let cells = cells(row).collect();
     let row = Row { names, cells };
     let fix = if row.index("x-ecef(").is_some() {
-        geocentric_fix(&row)
+        ecef_fix(&row)
     } else {
         geodetic_fix(&row)
     };
@@ -305,28 +307,28 @@ fn fix(names: &[&str], row: &str) -> Option<GnssFix> {
 }
 
 fn geodetic_fix(row: &Row) -> Option<GnssFix> {
-    let place = from_degrees((row.angle("latitude(")?, row.angle("longitude(")?))?;
+    let position = from_degrees((row.angle("latitude(")?, row.angle("longitude(")?))?;
     let both = |a: &str, b: &str| row.cell(a).zip(row.cell(b));
     Some(GnssFix {
-        position: Some(place),
+        position: Some(position),
         height_m: Some(row.cell("height(")?),
         velocity_en_mps: both("ve(", "vn(").map(east_north),
         velocity_up_mps: row.cell("vu("),
-        sigma: stated([
-            both("sdn(", "sde(").map(level),
+        sigma: fix_sigma([
+            both("sdn(", "sde(").map(horizontal_sigma),
             row.cell("sdu("),
-            both("sdvn", "sdve").map(level),
+            both("sdvn", "sdve").map(horizontal_sigma),
             row.cell("sdvu"),
         ]),
         ..GnssFix::default()
     })
 }
 
-fn geocentric_fix(row: &Row) -> Option<GnssFix> {
-    let place = geodetic(row.vector(["x-ecef(", "y-ecef(", "z-ecef("])?);
-    let to_enu = to_enu(&place);
+fn ecef_fix(row: &Row) -> Option<GnssFix> {
+    let position = geodetic(row.vector(["x-ecef(", "y-ecef(", "z-ecef("])?);
+    let to_enu = to_enu(&position);
     let velocity = row.vector(["vx(", "vy(", "vz("]).map(|v| to_enu * v);
-    // Level and up.
+    // Horizontal and up.
     let sigmas = |names| {
         let variances = row
             .covariance(names)
@@ -335,21 +337,22 @@ fn geocentric_fix(row: &Row) -> Option<GnssFix> {
             [0.5 * (v.x + v.y), v.z].map(|v| Some(v.sqrt()))
         })
     };
-    let [level, up] = sigmas(["sdx(", "sdy(", "sdz(", "sdxy(", "sdyz(", "sdzx("]);
-    let [velocity_level, velocity_up] = sigmas(["sdvx", "sdvy", "sdvz", "sdvxy", "sdvyz", "sdvzx"]);
+    let [horizontal, up] = sigmas(["sdx(", "sdy(", "sdz(", "sdxy(", "sdyz(", "sdzx("]);
+    let [velocity_horizontal, velocity_up] =
+        sigmas(["sdvx", "sdvy", "sdvz", "sdvxy", "sdvyz", "sdvzx"]);
     let fix = GnssFix {
         velocity_en_mps: velocity.map(|v| v.xy()),
         velocity_up_mps: velocity.map(|v| v.z),
-        sigma: stated([level, up, velocity_level, velocity_up]),
+        sigma: fix_sigma([horizontal, up, velocity_horizontal, velocity_up]),
         ..GnssFix::default()
     };
-    Some(fix.at(&place))
+    Some(fix.at(&position))
 }
 
-/// From the geocentric frame to east, north, up.
-fn to_enu(place: &Geodetic) -> Matrix3<f64> {
-    let (sin, cos) = place.latitude_rad.sin_cos();
-    let (sin_east, cos_east) = place.longitude_rad.sin_cos();
+/// From ECEF to east, north, up.
+fn to_enu(position: &Geodetic) -> Matrix3<f64> {
+    let (sin, cos) = position.latitude_rad.sin_cos();
+    let (sin_east, cos_east) = position.longitude_rad.sin_cos();
     Matrix3::new(
         -sin_east,
         cos_east,
@@ -363,7 +366,7 @@ fn to_enu(place: &Geodetic) -> Matrix3<f64> {
     )
 }
 
-/// Seconds since 1970 of either form; GPS time stays GPS time.
+/// Seconds since 1970 from date or GPS week; GPS time stays GPS time.
 fn time(first: &str, second: &str) -> Option<Time> {
     if first.contains('/') {
         return date_and_time(&format!("{first} {second}"), "%Y/%m/%d %H:%M:%S%.f");
@@ -371,19 +374,19 @@ fn time(first: &str, second: &str) -> Option<Time> {
     Time::from_seconds(GPS_S + WEEK_S * number(first) + number(second))
 }
 
-/// From the Earth's centre; each step shrinks the error by the square of the eccentricity.
-fn geodetic(from_centre: Vector3<f64>) -> Geodetic {
-    let [x, y, z] = from_centre.into();
-    let level = x.hypot(y);
-    let mut latitude_rad = (z / (level * (1.0 - ECCENTRICITY_SQUARED))).atan();
+/// From ECEF; each iteration reduces the error by the square of the eccentricity.
+fn geodetic(ecef: Vector3<f64>) -> Geodetic {
+    let [x, y, z] = ecef.into();
+    let equatorial_m = x.hypot(y);
+    let mut latitude_rad = (z / (equatorial_m * (1.0 - ECCENTRICITY_SQUARED))).atan();
     let mut height_m = 0.0;
     for _ in 0..8 {
         let earth = LocalEarth::at(latitude_rad, 0.0);
         let (sin, cos) = latitude_rad.sin_cos();
-        height_m =
-            level * cos + z * sin - earth.east_radius_m * (1.0 - ECCENTRICITY_SQUARED * sin * sin);
-        let share = earth.east_radius_m / (earth.east_radius_m + height_m);
-        latitude_rad = (z / (level * (1.0 - ECCENTRICITY_SQUARED * share))).atan();
+        height_m = equatorial_m * cos + z * sin
+            - earth.east_radius_m * (1.0 - ECCENTRICITY_SQUARED * sin * sin);
+        let ratio = earth.east_radius_m / (earth.east_radius_m + height_m);
+        latitude_rad = (z / (equatorial_m * (1.0 - ECCENTRICITY_SQUARED * ratio))).atan();
     }
     Geodetic {
         latitude_rad,
@@ -397,38 +400,38 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_from_the_centre_is_that_on_the_ellipsoid() {
+    fn ecef_converts_to_geodetic() {
         let names = header("% GPST x-ecef(m) y-ecef(m) z-ecef(m)").unwrap();
-        let place = Geodetic {
+        let position = Geodetic {
             latitude_rad: 0.8,
             longitude_rad: -2.0,
             height_m: 4000.0,
         };
-        let earth = LocalEarth::at(place.latitude_rad, place.height_m);
-        let level = earth.east_radius_m * place.latitude_rad.cos();
-        let polar = LocalEarth::at(place.latitude_rad, 0.0).east_radius_m
+        let earth = LocalEarth::at(position.latitude_rad, position.height_m);
+        let equatorial_m = earth.east_radius_m * position.latitude_rad.cos();
+        let polar = LocalEarth::at(position.latitude_rad, 0.0).east_radius_m
             * (1.0 - ECCENTRICITY_SQUARED)
-            + place.height_m;
+            + position.height_m;
         let row = format!(
             "2244 36000.5 {} {} {}",
-            level * place.longitude_rad.cos(),
-            level * place.longitude_rad.sin(),
-            polar * place.latitude_rad.sin()
+            equatorial_m * position.longitude_rad.cos(),
+            equatorial_m * position.longitude_rad.sin(),
+            polar * position.latitude_rad.sin()
         );
         let fix = fix(&names, &row).unwrap();
         assert_eq!(
             fix.time,
             Time::from_seconds(GPS_S + 2244.0 * WEEK_S + 36_000.5).unwrap()
         );
-        let off = fix.geodetic_or(0.0).unwrap().enu_from(&place);
-        assert!(off.norm() < 1e-6, "{off}");
+        let error = fix.geodetic_or(0.0).unwrap().enu_from(&position);
+        assert!(error.norm() < 1e-6, "{error}");
     }
 
-    /// As RTKLIB prints one solution in both forms.
+    /// One solution as RTKLIB prints it in both forms.
     #[test]
-    fn a_geocentric_solution_is_the_geodetic_one() {
+    fn ecef_and_geodetic_solutions_agree() {
         let read = |names: &str, row: &str| fix(&header(names).unwrap(), row).unwrap();
-        let geocentric = read(
+        let ecef_solution = read(
             "% GPST x-ecef(m) y-ecef(m) z-ecef(m) Q ns sdx(m) sdy(m) sdz(m) sdxy(m) sdyz(m) \
              sdzx(m) age(s) ratio vx(m/s) vy(m/s) vz(m/s) sdvx sdvy sdvz sdvxy sdvyz sdvzx",
             "2023/01/08 10:00:00.000 -481817.9432 5507212.2485 3170368.5142 5 8 2.2007 6.7978 \
@@ -442,15 +445,20 @@ mod tests {
              0.7786 -2.0020 -2.6572 0.00 0.0 0.01216 0.00473 -0.00324 0.14536 0.13159 0.44479 \
              0.03911 -0.13176 -0.16769",
         );
-        let place = |fix: &GnssFix| fix.geodetic_or(0.0).unwrap();
-        assert!(place(&geocentric).enu_from(&place(&geodetic)).norm() < 1e-3);
-        let off = geocentric.velocity_enu_mps() - geodetic.velocity_enu_mps();
-        assert!(off.amax() < 2e-5, "{off}");
+        let position = |fix: &GnssFix| fix.geodetic_or(0.0).unwrap();
+        assert!(
+            position(&ecef_solution)
+                .enu_from(&position(&geodetic))
+                .norm()
+                < 1e-3
+        );
+        let error = ecef_solution.velocity_enu_mps() - geodetic.velocity_enu_mps();
+        assert!(error.amax() < 2e-5, "{error}");
         let sigmas = |fix: &GnssFix| {
             let s = fix.sigma;
             [s.position_m, s.height_m, s.velocity_mps, s.velocity_up_mps].map(Option::unwrap)
         };
-        for (a, b) in sigmas(&geocentric).into_iter().zip(sigmas(&geodetic)) {
+        for (a, b) in sigmas(&ecef_solution).into_iter().zip(sigmas(&geodetic)) {
             assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
         }
     }
@@ -464,7 +472,7 @@ mod tests {
         epochs.fixes()
     }
 
-    /// Whole knots north.
+    /// North velocities in whole knots.
     fn north_kn(bodies: &[String]) -> Vec<Option<i32>> {
         let bodies: Vec<&str> = bodies.iter().map(String::as_str).collect();
         #[allow(clippy::cast_possible_truncation)]
@@ -472,21 +480,21 @@ mod tests {
         epochs(&bodies).iter().map(knots).collect()
     }
 
-    /// A file that begins and ends with a position is cut at either end: which, positions say.
+    /// A file that begins and ends with a position is cut off at one end: positions show which.
     #[test]
-    fn a_course_that_is_cut_off_shifts_no_other() {
+    fn a_lost_vtg_shifts_no_other() {
         let knots = |second: i32| Some(10 * second);
         for lost in [0, 5] {
             let mut bodies = Vec::new();
             for second in 0..=5 {
                 let minutes = 5.0 * f64::from(second * second) / 3600.0;
-                let place = format!("45{minutes:010.7},N,00900.0,E");
+                let position = format!("45{minutes:010.7},N,00900.0,E");
                 bodies.push(format!(
-                    "GPGGA,12000{second}.00,{place},1,09,1.0,9.0,M,5.0,M,,"
+                    "GPGGA,12000{second}.00,{position},1,09,1.0,9.0,M,5.0,M,,"
                 ));
                 if let Some(kn) = knots(second).filter(|_| second != lost) {
                     bodies.push(format!("GPVTG,0.0,T,,M,{kn},N,,K,A"));
-                    // Before its position where the first is lost.
+                    // Before its position if the first is lost.
                     let length = bodies.len();
                     bodies[length - 2..].rotate_left(usize::from(lost == 0));
                 }
@@ -497,14 +505,14 @@ mod tests {
     }
 
     #[test]
-    fn a_course_without_a_time_takes_no_other_fix_s_place() {
+    fn vtg_goes_to_the_fix_of_its_epoch() {
         let gga =
             |second| format!("GPGGA,12000{second}.00,4500.0,N,00900.0,E,1,09,1.0,9.0,M,5.0,M,,");
         let rmc = |second, status, knots| {
             format!("GPRMC,12000{second}.00,{status},4500.0,N,00900.0,E,{knots},0.0,010170,,,A")
         };
         let vtg = |knots| format!("GPVTG,0.0,T,,M,{knots},N,,K,A");
-        // Before the sentences of its epoch, it must not become the last one's.
+        // Sent before the other sentences of its epoch, it must not go to the previous one.
         let first = [
             vtg(1),
             rmc(1, "A", 1),
@@ -517,7 +525,7 @@ mod tests {
         assert_eq!(north_kn(&first), [Some(1), Some(2)]);
         let alone = [gga(1), vtg(1), gga(2), vtg(2)];
         assert_eq!(north_kn(&alone), [Some(1), Some(2)]);
-        // Of what is no fix there is no velocity either.
+        // No velocity without a valid fix.
         let void = [gga(1), vtg(1), rmc(2, "V", 2), vtg(2)];
         assert_eq!(north_kn(&void), [Some(1), None]);
     }

@@ -1,4 +1,4 @@
-//! What a recording holds, and a log of it; what the formats have in common.
+//! Contents of a recording, its conversion to a log, and functions common to the formats.
 
 use clap::Args;
 use std::collections::BTreeMap;
@@ -30,11 +30,11 @@ pub(super) struct Recording {
     pub(super) imus: Vec<Imu>,
     pub(super) receivers: Vec<Receiver>,
     pub(super) baro: Vec<BaroHeight>,
-    /// Reference motion, in axes as those of the samples are written.
+    /// Reference motion, attitude in the declared axes of the samples.
     pub(super) truth: Vec<Solution>,
-    /// What whoever made it says of it.
-    pub(super) about: Option<Meta>,
-    /// The autopilot's own, as they were set.
+    /// Metadata of the recording itself.
+    pub(super) meta: Option<Meta>,
+    /// Parameters of the autopilot.
     pub(super) parameters: BTreeMap<String, f64>,
     pub(super) notes: Vec<LogError>,
 }
@@ -42,7 +42,7 @@ pub(super) struct Recording {
 pub(super) struct Imu {
     pub(super) path: PathBuf,
     pub(super) name: String,
-    /// As the source writes them; the samples are right-forward-up.
+    /// Axes of the source; the samples are right-forward-up.
     pub(super) axes: BodyAxes,
     pub(super) output: ImuOutput,
     pub(super) samples: Vec<ImuSample>,
@@ -54,12 +54,12 @@ pub(super) struct Receiver {
     pub(super) fixes: Vec<GnssFix>,
 }
 
-/// A file's bytes, unpacked if they are packed.
+/// A file's bytes, decompressed if it is gzip.
 pub(super) fn decompressed(path: &Path) -> Result<Box<dyn BufRead>, LogError> {
     table::decompressed(path).map_err(|e| unreadable(path, &e))
 }
 
-/// The same in a file of its own, for parsers that open one; none if it is not packed.
+/// The same in a temporary file, for parsers that open a path; none if the file is not gzip.
 pub(super) fn decompressed_file(path: &Path) -> Result<Option<NamedTempFile>, LogError> {
     let copy = || {
         if !table::is_gzip(path)? {
@@ -91,7 +91,7 @@ pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> LogError {
 }
 
 impl Recording {
-    /// An inertial sensor that gives rates.
+    /// Adds an inertial sensor with rates.
     pub(super) fn add_imu(
         &mut self,
         path: &Path,
@@ -121,7 +121,7 @@ impl Recording {
         });
     }
 
-    /// A barometer's; the first is used.
+    /// Adds the heights of a barometer; the first is used.
     pub(super) fn add_baro(&mut self, heights: impl Iterator<Item = (Time, f64)>) {
         if self.baro.is_empty() {
             self.baro.extend(heights.map(|(time, height_m)| BaroHeight {
@@ -132,11 +132,11 @@ impl Recording {
         }
     }
 
-    /// Numbers of the inertial sensors but that which is used unasked.
+    /// Numbers of the inertial sensors, except the default.
     pub(super) fn other_imus(&self) -> Vec<usize> {
         let counts = self.imus.iter().map(|imu| imu.samples.len());
         let counts: Vec<usize> = counts.filter(|count| *count > 0).collect();
-        let used = fullest(&counts).map(|index| index + 1);
+        let used = most_samples(&counts).map(|index| index + 1);
         let all = 1..=counts.len();
         all.filter(|number| Some(*number) != used).collect()
     }
@@ -151,7 +151,7 @@ impl Recording {
         self.receivers.retain(|receiver| !receiver.fixes.is_empty());
         let mut warnings = self.notes;
         let damage = warnings.first().map(LogError::in_a_line);
-        let why = |error: LogError| match &damage {
+        let with_damage = |error: LogError| match &damage {
             Some(note) => LogError {
                 cause: format!("{}; {note}", error.cause).into(),
                 ..error
@@ -160,11 +160,11 @@ impl Recording {
         };
         let listed = self.imus.iter().map(|imu| (&imu.name, imu.samples.len()));
         let from = self.imus.first().map_or(path, |imu| &imu.path);
-        let imu = chosen("imu", listed, choice.imu, from, &mut warnings).map_err(why)?;
+        let imu = chosen("imu", listed, choice.imu, from, &mut warnings).map_err(with_damage)?;
         let listed = (self.receivers.iter()).map(|from| (&from.name, from.fixes.len()));
         let from = without_fix.as_deref().unwrap_or(path);
         let from = (self.receivers.first()).map_or(from, |receiver| &receiver.path);
-        let gnss = chosen("gnss", listed, choice.gnss, from, &mut warnings).map_err(why)?;
+        let gnss = chosen("gnss", listed, choice.gnss, from, &mut warnings).map_err(with_damage)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
         let samples = in_order(
             imu.samples,
@@ -174,17 +174,17 @@ impl Recording {
             |s| s.gyro.iter().chain(&s.accel).all(|x| x.is_finite()),
             &mut warnings,
         )?;
-        let told = warnings.len();
+        let before = warnings.len();
         let samples = turned_upright(samples, &imu.path, &mut warnings);
-        let turned = warnings.len() > told;
+        let turned = warnings.len() > before;
         let plain = || Meta::new(imu.axes, imu.output);
-        let mut meta = self.about.unwrap_or_else(plain);
+        let mut meta = self.meta.unwrap_or_else(plain);
         if turned {
-            forget_axes(&mut meta, &mut self.truth, path, &mut warnings);
+            drop_stated_in_axes(&mut meta, &mut self.truth, path, &mut warnings);
         }
         if let Some(name) = path.file_stem().and_then(|name| name.to_str()) {
-            let own = meta.document.entry("name");
-            own.or_insert(name.into());
+            let entry = meta.document.entry("name");
+            entry.or_insert(name.into());
         }
         let source = format!("{} and {}", imu.name, gnss.name);
         meta.document.insert("source".into(), source.into());
@@ -224,24 +224,24 @@ impl Recording {
     }
 }
 
-/// Turns a sensor that is mounted on its side, or upside down, by quarter turns: its own axes are
-/// no more than its maker's habit. Whatever way forward is then, heading is found from motion.
+/// Rotates a sensor mounted on its side or upside down by quarter turns until up is up. The direction of
+/// forward is then arbitrary: heading is found from motion.
 fn turned_upright(
     mut samples: Vec<ImuSample>,
     path: &Path,
     warnings: &mut Vec<LogError>,
 ) -> Vec<ImuSample> {
-    let typical = |axis: usize| log::median(samples.iter().map(|sample| sample.accel[axis]));
-    let up = Vector3::new(typical(0), typical(1), typical(2));
-    // As in the check of a log's axes: within 60 degrees the mount is a tilted one.
+    let median = |axis: usize| log::median(samples.iter().map(|sample| sample.accel[axis]));
+    let up = Vector3::new(median(0), median(1), median(2));
+    // As in the check of a log's axes: within 60 deg the mount is tilted.
     if up.z > 0.5 * up.norm() {
         return samples;
     }
     let axis = up.iamax();
-    let own = Vector3::ith(axis, up[axis].signum());
+    let direction = Vector3::ith(axis, up[axis].signum());
     let turn = match axis {
         2 => UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI),
-        _ => UnitQuaternion::rotation_between(&own, &Vector3::z()).unwrap_or_default(),
+        _ => UnitQuaternion::rotation_between(&direction, &Vector3::z()).unwrap_or_default(),
     };
     for sample in &mut samples {
         sample.gyro = turn * sample.gyro;
@@ -257,8 +257,8 @@ fn turned_upright(
     samples
 }
 
-/// Leaves out what was said along axes that have been turned.
-fn forget_axes(
+/// Drops metadata and truth that were stated in axes that have been rotated.
+fn drop_stated_in_axes(
     meta: &mut Meta,
     truth: &mut Vec<Solution>,
     path: &Path,
@@ -277,7 +277,7 @@ fn forget_axes(
     }
 }
 
-/// Index of the one that is asked for, or else of that with the most samples.
+/// Index of the chosen source, or else of that with the most samples.
 fn chosen<'a>(
     option: &str,
     listed: impl Iterator<Item = (&'a String, usize)>,
@@ -303,19 +303,19 @@ fn chosen<'a>(
             "no receiver, or never a fix: `import` takes a second file that has them",
         ),
     };
-    let Some(fullest) = fullest(&counts) else {
+    let Some(default) = most_samples(&counts) else {
         return Err(LogError::file(path, expected, "none", none));
     };
     let Some(number) = number else {
         if counts.len() > 1 {
             let cause = format!(
                 "{} is used; --{option} N of `import` and `tune` chooses {what}",
-                fullest + 1
+                default + 1
             );
             let expected = format!("one source of {expected}");
             warnings.push(LogError::file(path, expected, all, cause));
         }
-        return Ok(fullest);
+        return Ok(default);
     };
     let index = number.checked_sub(1).filter(|index| *index < counts.len());
     index.ok_or_else(|| {
@@ -324,8 +324,8 @@ fn chosen<'a>(
     })
 }
 
-/// The first, if several have as many.
-fn fullest(counts: &[usize]) -> Option<usize> {
+/// Index of the source with the most samples, the first of equals.
+fn most_samples(counts: &[usize]) -> Option<usize> {
     let most = counts.iter().max();
     counts.iter().position(|count| Some(count) == most)
 }
@@ -333,7 +333,7 @@ fn fullest(counts: &[usize]) -> Option<usize> {
 /// A vector at a time.
 pub(super) type Stamped = (Time, Vector3<f64>);
 
-/// Samples at the stamps of the gyros, with specific force in between its own.
+/// Samples at the times of the gyros, with specific force interpolated.
 pub(super) fn joined(gyro: &[Stamped], accel: &[Stamped], axes: BodyAxes) -> Vec<ImuSample> {
     let mut next = 0;
     let mut samples = Vec::new();
@@ -347,7 +347,7 @@ pub(super) fn joined(gyro: &[Stamped], accel: &[Stamped], axes: BodyAxes) -> Vec
         };
         let interval_s = after.0.seconds_since(before.0);
         let since_s = time.seconds_since(before.0);
-        // A hole of one is a hole of both.
+        // Not across a gap of the accelerometers.
         if since_s < 0.0 || interval_s > 0.2 {
             continue;
         }
@@ -361,20 +361,20 @@ pub(super) fn joined(gyro: &[Stamped], accel: &[Stamped], axes: BodyAxes) -> Vec
     samples
 }
 
-/// Fixes of one receiver whose parts come in messages of their own, put together by their stamps.
+/// Fixes of a receiver that sends their parts in separate messages, merged by time.
 pub(super) fn merged(mut fixes: Vec<GnssFix>) -> Vec<GnssFix> {
     fixes.sort_by_key(|fix| fix.time);
-    let mut whole: Vec<GnssFix> = Vec::new();
+    let mut epochs: Vec<GnssFix> = Vec::new();
     for fix in fixes {
-        match whole.last_mut() {
-            Some(last) if fix.time.seconds_since(last.time) < 1e-3 => *last = and(last, &fix),
-            _ => whole.push(fix),
+        match epochs.last_mut() {
+            Some(last) if fix.time.seconds_since(last.time) < 1e-3 => *last = combined(last, &fix),
+            _ => epochs.push(fix),
         }
     }
-    whole
+    epochs
 }
 
-fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
+fn combined(one: &GnssFix, other: &GnssFix) -> GnssFix {
     let (a, b) = (one.sigma, other.sigma);
     GnssFix {
         time: one.time,
@@ -391,7 +391,7 @@ fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
     }
 }
 
-/// Positions and sigmas are from where they are read.
+/// Of height and velocity; positions and sigmas are finite as read.
 fn is_finite(fix: &GnssFix) -> bool {
     let velocity = fix.velocity_en_mps.iter().flatten();
     let others = fix.height_m.iter().chain(&fix.velocity_up_mps);
@@ -402,14 +402,13 @@ pub(super) fn east_north((east, north): (f64, f64)) -> Vector2<f64> {
     Vector2::new(east, north)
 }
 
-pub(super) fn over_ground((speed_mps, course_deg): (f64, f64)) -> Vector2<f64> {
+pub(super) fn from_course((speed_mps, course_deg): (f64, f64)) -> Vector2<f64> {
     let (sin, cos) = course_deg.to_radians().sin_cos();
     Vector2::new(speed_mps * sin, speed_mps * cos)
 }
 
-/// Sigmas of position, height, velocity and vertical velocity as stated; receivers say zero or below
-/// where they know none.
-pub(super) fn stated(sigmas: [Option<f64>; 4]) -> FixSigma {
+/// Sigmas of position, height, velocity and vertical velocity; receivers state zero or less for unknown ones.
+pub(super) fn fix_sigma(sigmas: [Option<f64>; 4]) -> FixSigma {
     let known = |sigma: Option<f64>| sigma.filter(|s| *s > 0.0 && s.is_finite());
     let [position_m, height_m, velocity_mps, velocity_up_mps] = sigmas.map(known);
     FixSigma {
@@ -420,7 +419,7 @@ pub(super) fn stated(sigmas: [Option<f64>; 4]) -> FixSigma {
     }
 }
 
-/// Of two components that have one each.
-pub(super) fn level((a, b): (f64, f64)) -> f64 {
+/// Sigma per horizontal axis, the root mean square of two.
+pub(super) fn horizontal_sigma((a, b): (f64, f64)) -> f64 {
     (0.5 * (a * a + b * b)).sqrt()
 }

@@ -1,7 +1,7 @@
-//! ROS 1 bags, and MCAP, as ROS 2 records and ROS 1 bags are converted to.
+//! ROS 1 bags, and MCAP by ROS 2 or converted from bags.
 //!
-//! Messages of both generations hold samples, positions, velocities. Axes are those of REP 103: x
-//! forward, y left, z up; velocities east, north, up.
+//! Messages of both versions hold samples, positions and velocities, with the axes of REP 103: x forward, y
+//! left, z up; velocities east, north, up.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
@@ -13,15 +13,15 @@ use lz4_flex::frame::FrameDecoder;
 use nalgebra::{Vector2, Vector3};
 use ruzstd::decoding::StreamingDecoder;
 
-use super::recording::{Recording, bytes, from_degrees, merged, stated, unreadable};
+use super::recording::{Recording, bytes, fix_sigma, from_degrees, merged, unreadable};
 use crate::log::{BodyAxes, LogError};
 
-/// What a topic carries, as it comes.
+/// A topic and its messages so far.
 struct Topic {
     name: String,
     stream: Stream,
-    /// CDR, behind four bytes: each number at a multiple of its size. Without it one number follows the
-    /// other, and the header has one more.
+    /// CDR after four bytes of encapsulation, each number aligned to its size; else ROS 1 serialization,
+    /// unaligned, with a sequence number in the header.
     cdr: bool,
 }
 
@@ -32,10 +32,10 @@ enum Stream {
 }
 
 impl Topic {
-    /// None of what is not read. A twist may also be the body's own, so its name has to speak of GNSS.
+    /// None for types that are not read. A twist may be in body axes, so its topic must name GNSS.
     fn new(kind: &str, name: &str, cdr: bool) -> Option<Self> {
-        let gnss = speaks_of_gnss(name);
-        // The second generation says what kind of type it is.
+        let gnss = names_gnss(name);
+        // ROS 2 has `msg` in type names.
         let stream = match kind.replace("/msg/", "/").as_str() {
             "sensor_msgs/Imu" => Stream::Imu(Vec::new()),
             "sensor_msgs/NavSatFix" => Stream::Position(Vec::new()),
@@ -63,15 +63,15 @@ impl Topic {
     }
 }
 
-fn speaks_of_gnss(topic: &str) -> bool {
+fn names_gnss(topic: &str) -> bool {
     let topic = topic.to_ascii_lowercase();
-    let makers = ["gps", "gnss", "navsat", "ublox"];
-    // Within another word it is another one, as in `prefix`.
+    let names = ["gps", "gnss", "navsat", "ublox"];
+    // As a whole word only, not as in `prefix`.
     let mut words = topic.split(|c: char| !c.is_ascii_alphanumeric());
-    makers.iter().any(|word| topic.contains(word)) || words.any(|word| word == "fix")
+    names.iter().any(|word| topic.contains(word)) || words.any(|word| word == "fix")
 }
 
-/// One sensor for each topic of samples; one receiver for each of positions, with its velocities.
+/// An inertial sensor for each topic of samples; a receiver for each of positions, with its velocities.
 fn recording(path: &Path, topics: impl Iterator<Item = Topic>) -> Recording {
     let mut recording = Recording::default();
     let (mut receivers, mut velocities) = (Vec::new(), Vec::new());
@@ -87,7 +87,7 @@ fn recording(path: &Path, topics: impl Iterator<Item = Topic>) -> Recording {
         match nearest(&topic, receivers.iter().map(|(name, _)| name.as_str())) {
             Some(index) => receivers[index].1.extend(fixes),
             None if receivers.is_empty() => {}
-            None => recording.notes.push(of_no_receiver(path, topic)),
+            None => recording.notes.push(unassigned_velocity(path, topic)),
         }
     }
     for (name, fixes) in receivers {
@@ -96,7 +96,7 @@ fn recording(path: &Path, topics: impl Iterator<Item = Topic>) -> Recording {
     recording
 }
 
-/// The one topic whose namespace has the most in common with another's.
+/// The topic with the longest common namespace, if only one has it.
 fn nearest<'a>(topic: &str, others: impl Iterator<Item = &'a str>) -> Option<usize> {
     let common = |other: &str| {
         let pairs = topic.split('/').zip(other.split('/'));
@@ -109,7 +109,7 @@ fn nearest<'a>(topic: &str, others: impl Iterator<Item = &'a str>) -> Option<usi
     nearest.next().filter(|_| nearest.next().is_none())
 }
 
-fn of_no_receiver(path: &Path, topic: String) -> LogError {
+fn unassigned_velocity(path: &Path, topic: String) -> LogError {
     let expected = "velocities in the namespace of one receiver's positions";
     let cause = "whose they are is not known: not used; rename the topic to stand beside its \
                  NavSatFix";
@@ -135,13 +135,13 @@ fn position(message: &mut Cursor) -> Option<GnssFix> {
     let covariance: [f64; 9] = message.f64s()?;
     let [known] = message.take()?;
     let sigma = |variance: f64| Some(variance.sqrt()).filter(|_| known > 0);
-    let level = sigma(0.5 * (covariance[0] + covariance[4]));
+    let horizontal = sigma(0.5 * (covariance[0] + covariance[4]));
     // Below zero: no fix.
     (status.cast_signed() >= 0).then(|| GnssFix {
         time,
         position: from_degrees((latitude, longitude)),
         height_m: Some(altitude).filter(|height| height.is_finite()),
-        sigma: stated([level, sigma(covariance[8]), None, None]),
+        sigma: fix_sigma([horizontal, sigma(covariance[8]), None, None]),
         ..GnssFix::default()
     })
 }
@@ -158,7 +158,7 @@ fn velocity(message: &mut Cursor) -> Option<GnssFix> {
     })
 }
 
-/// Bytes, little end first, and how far they are read.
+/// A reading position in little-endian bytes.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -194,7 +194,7 @@ impl<'a> Cursor<'a> {
         Some(bytes)
     }
 
-    /// Bytes behind their number.
+    /// Bytes preceded by their number.
     fn sized(&mut self) -> Option<&'a [u8]> {
         let length = self.take().map(u32::from_le_bytes)?;
         self.slice(length.into())
@@ -220,7 +220,7 @@ impl<'a> Cursor<'a> {
         self.f64s().map(|values: [f64; 3]| values.into())
     }
 
-    /// Stamp of the header; number and frame are passed over.
+    /// Stamp of the header; sequence number and frame are skipped.
     fn header(&mut self) -> Option<Time> {
         if !self.aligned {
             let _: [u8; 4] = self.take()?;
@@ -232,22 +232,22 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// What a chunk holds.
-fn unpacked(compression: &[u8], packed: &[u8]) -> io::Result<Vec<u8>> {
+/// The records of a chunk.
+fn decompress(compression: &[u8], data: &[u8]) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     match compression {
-        b"bz2" => BzDecoder::new(packed).read_to_end(&mut bytes)?,
-        b"lz4" => FrameDecoder::new(packed).read_to_end(&mut bytes)?,
+        b"bz2" => BzDecoder::new(data).read_to_end(&mut bytes)?,
+        b"lz4" => FrameDecoder::new(data).read_to_end(&mut bytes)?,
         b"zstd" => {
-            let decoder = StreamingDecoder::new(packed);
+            let decoder = StreamingDecoder::new(data);
             decoder.map_err(io::Error::other)?.read_to_end(&mut bytes)?
         }
-        _ => return Ok(packed.to_vec()),
+        _ => return Ok(data.to_vec()),
     };
     Ok(bytes)
 }
 
-/// What is said of bytes that are not used: of chunks that begin there, and of all from one on.
+/// Warnings of bytes not used: of damaged chunks by their offsets, and of all from an offset on.
 fn damage(path: &Path, chunks: &[usize], [whole, length]: [usize; 2]) -> Vec<LogError> {
     let cause = "the recorder was stopped, or a copy broke off or was damaged: what is whole is used; \
                  `rosbag reindex` or `mcap recover` may find more";
@@ -256,8 +256,9 @@ fn damage(path: &Path, chunks: &[usize], [whole, length]: [usize; 2]) -> Vec<Log
         format!("{count} of its chunks damaged, the first at byte {first}: left out")
     });
     let end = (whole < length).then(|| format!("one that breaks off at byte {whole} of {length}"));
-    let told = chunks.into_iter().chain(end);
-    told.map(|found| LogError::file(path, "a whole recording", found, cause))
+    let defects = chunks.into_iter().chain(end);
+    defects
+        .map(|found| LogError::file(path, "a whole recording", found, cause))
         .collect()
 }
 
@@ -277,13 +278,13 @@ pub(super) fn read_bag(path: &Path) -> Result<Recording, LogError> {
     let start = bytes.len().min(BAG.len() + 1);
     let body = &bytes[start..];
     let (mut bag, mut damaged) = (Bag::default(), Vec::new());
-    // Where the recording broke off there is no index, and what is whole is used.
+    // A recording that was cut off has no index; all whole records are used.
     for record in records(body).filter(|record| record.operation() == Some(CONNECTION)) {
         bag.connect(&record);
     }
     for record in records(body).filter(|record| record.operation() == Some(CHUNK)) {
         let compression = record.field("compression").unwrap_or_default();
-        let Ok(chunk) = unpacked(compression, record.data) else {
+        let Ok(chunk) = decompress(compression, record.data) else {
             damaged.push(start + record.at);
             continue;
         };
@@ -302,7 +303,7 @@ pub(super) fn read_bag(path: &Path) -> Result<Recording, LogError> {
     Ok(recording)
 }
 
-/// By connection.
+/// Topics by connection.
 #[derive(Default)]
 struct Bag {
     topics: BTreeMap<u32, Topic>,
@@ -331,12 +332,12 @@ impl Bag {
 struct Record<'a> {
     header: &'a [u8],
     data: &'a [u8],
-    /// Where it begins and ends among the others.
+    /// Offsets of its start and end.
     at: usize,
     end: usize,
 }
 
-/// One after the other, as far as they are whole.
+/// Successive records, until one is not whole.
 fn records(bytes: &[u8]) -> impl Iterator<Item = Record<'_>> {
     let mut rest = Cursor::new(bytes);
     std::iter::from_fn(move || {
@@ -365,7 +366,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// The value of a field among others, each `name=value` behind its length.
+/// The value of a field, of fields `name=value` each preceded by its length.
 fn field<'a>(fields: &'a [u8], name: &str) -> Option<&'a [u8]> {
     let mut fields = Cursor::new(fields);
     let mut all = std::iter::from_fn(|| fields.sized());
@@ -392,16 +393,16 @@ pub(super) fn read_mcap(path: &Path) -> Result<Recording, LogError> {
 
 #[derive(Default)]
 struct Mcap {
-    /// Names of types.
+    /// Names of types by schema.
     schemas: HashMap<u16, String>,
     channels: BTreeMap<u16, Topic>,
-    /// Where chunks begin that cannot be unpacked.
+    /// Offsets of chunks that cannot be decompressed.
     damaged: Vec<usize>,
 }
 
 impl Mcap {
-    /// Records one after the other, as far as they are whole: without the index at the end, which a
-    /// recording that broke off has not. Gives where the last one ends.
+    /// Reads successive records until one is not whole; not by the index at the end, which a recording that
+    /// was cut off lacks. Returns the end of the last one.
     fn records(&mut self, bytes: &[u8], from: usize) -> io::Result<usize> {
         const SCHEMA: u8 = 3;
         const CHANNEL: u8 = 4;
@@ -425,9 +426,9 @@ impl Mcap {
                 MESSAGE => {
                     self.message(&mut fields);
                 }
-                // The format has none, and each level would take more of the stack.
+                // Not in the format, and the recursion would be unbounded.
                 CHUNK if from == 0 => return Err(io::Error::other("a chunk within a chunk")),
-                CHUNK => match chunk(&mut fields).map(|(kind, packed)| unpacked(kind, packed)) {
+                CHUNK => match chunk(&mut fields).map(|(kind, data)| decompress(kind, data)) {
                     Some(Ok(records)) => {
                         self.records(&records, 0)?;
                     }
@@ -436,7 +437,7 @@ impl Mcap {
                 _ => {}
             }
         }
-        // Behind the last record stands what stood before the first.
+        // The magic bytes end the file, too.
         Ok(if bytes[end..] == *MCAP {
             bytes.len()
         } else {
@@ -457,7 +458,7 @@ impl Mcap {
 
     fn message(&mut self, fields: &mut Cursor) -> Option<()> {
         let topic = self.channels.get_mut(&fields.u16()?)?;
-        // Number, and times of recording and of sending.
+        // Sequence number, log and publish times.
         let _: [u8; 20] = fields.take()?;
         topic.take(fields.rest());
         Some(())
@@ -470,9 +471,9 @@ fn record<'a>(rest: &mut Cursor<'a>) -> Option<(u8, &'a [u8])> {
     Some((operation, rest.slice(length)?))
 }
 
-/// Compression and packed records.
+/// Compression and compressed records.
 fn chunk<'a>(fields: &mut Cursor<'a>) -> Option<(&'a [u8], &'a [u8])> {
-    // First and last time, size and checksum.
+    // First and last time, uncompressed size and checksum.
     let _: [u8; 28] = fields.take()?;
     let compression = fields.sized()?;
     let length = u64::from_le_bytes(fields.take()?);
@@ -515,30 +516,30 @@ mod tests {
     }
 
     #[test]
-    fn a_velocity_is_of_the_receiver_in_its_namespace() {
+    fn velocity_goes_to_the_receiver_of_its_namespace() {
         let [left, right] = ["/left/gps/fix", "/right/gps/fix"];
-        let told = |name: &str| {
+        let assigned = |name: &str| {
             let topics = [positions(left), positions(right), velocities(name)];
             let recording = recording(Path::new(""), topics.into_iter());
             let moves = recording.receivers.iter();
             let moves = moves.map(|from| from.fixes[0].velocity_en_mps.is_some());
             (moves.collect::<Vec<_>>(), recording.notes.len())
         };
-        assert_eq!(told("/Left/GPS/vel"), (vec![true, false], 0));
-        assert_eq!(told("/right/gps/vel"), (vec![false, true], 0));
-        assert_eq!(told("/ublox/vel"), (vec![false, false], 1));
+        assert_eq!(assigned("/Left/GPS/vel"), (vec![true, false], 0));
+        assert_eq!(assigned("/right/gps/vel"), (vec![false, true], 0));
+        assert_eq!(assigned("/ublox/vel"), (vec![false, false], 1));
     }
 
     #[test]
-    fn a_name_that_speaks_of_gnss_has_the_word() {
+    fn topics_that_name_gnss() {
         for name in [
             "/GPS/vel",
             "/ublox_gps/fix_velocity",
             "/fix/vel",
             "/navsat0/vel",
         ] {
-            assert!(speaks_of_gnss(name), "{name}");
+            assert!(names_gnss(name), "{name}");
         }
-        assert!(!speaks_of_gnss("/prefix/twist"));
+        assert!(!names_gnss("/prefix/twist"));
     }
 }

@@ -1,5 +1,5 @@
-//! Sensor Logger, a phone's: a folder with a table for each sensor. Axes are the phone's, as both
-//! systems define them: x to the right, y to its upper edge, z out of the screen.
+//! Sensor Logger for phones: a folder with a table per sensor. Axes are those of the phone on both operating
+//! systems: x to the right, y to the upper edge, z out of the screen.
 
 use std::fs::File;
 use std::path::Path;
@@ -9,13 +9,16 @@ use nalgebra::Vector3;
 use tempfile::TempDir;
 use zip::ZipArchive;
 
-use super::recording::{Recording, Stamped, from_degrees, joined, over_ground, stated, unreadable};
+use super::recording::{
+    Recording, Stamped, fix_sigma, from_course, from_degrees, joined, unreadable,
+};
 use super::texts::Table;
 use crate::log::{BodyAxes, LogError};
 
 pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {
-    let has_all = |there: &dyn Fn(&str) -> bool| {
-        there("Gyroscope.csv") && (there("TotalAcceleration.csv") || there("Accelerometer.csv"))
+    let has_all = |present: &dyn Fn(&str) -> bool| {
+        present("Gyroscope.csv")
+            && (present("TotalAcceleration.csv") || present("Accelerometer.csv"))
     };
     if start.starts_with(ZIP) {
         return archive(path).is_ok_and(|zip| has_all(&|name| zip.index_for_name(name).is_some()));
@@ -23,7 +26,7 @@ pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {
     has_all(&|name| path.join(name).is_file())
 }
 
-/// The head of the file in which the program gives its folder away.
+/// First bytes of a ZIP file, in which the program exports its folder.
 const ZIP: &[u8] = b"PK\x03\x04";
 
 fn decompressed(path: &Path) -> Result<TempDir, LogError> {
@@ -44,7 +47,7 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
         return tables(path);
     }
     let mut recording = tables(decompressed(path)?.path())?;
-    // The unpacked tables are gone: messages name what the user has.
+    // The unpacked tables are temporary: messages name the file of the user.
     let imus = recording.imus.iter_mut().map(|imu| &mut imu.path);
     let receivers = recording.receivers.iter_mut().map(|from| &mut from.path);
     (imus.chain(receivers)).for_each(|file| path.clone_into(file));
@@ -64,7 +67,7 @@ fn tables(path: &Path) -> Result<Recording, LogError> {
     Ok(recording)
 }
 
-/// Specific force: as it is, or of its two parts as the phone's system divides it.
+/// Specific force, or the sum of motion and gravity as the phone separates them.
 fn force(path: &Path) -> Result<Vec<Stamped>, LogError> {
     let total = path.join("TotalAcceleration.csv");
     if total.is_file() {
@@ -89,13 +92,13 @@ fn vectors(path: &Path) -> Result<Vec<Stamped>, LogError> {
         finite.then_some((nanoseconds(*row.get(time)?)?, vector))
     });
     let mut rows: Vec<Stamped> = rows.collect();
-    // Phones deliver some samples twice, or late.
+    // Phones deliver some samples twice or out of order.
     rows.sort_by_key(|row| row.0);
     rows.dedup_by_key(|row| row.0);
     Ok(rows)
 }
 
-/// Radius of the circle that holds 68 % of what has one sigma in each axis: sqrt(-2 ln 0.32).
+/// Radius of the 68 % circle, in sigmas per axis: sqrt(-2 ln 0.32).
 const RADIUS_68_SIGMAS: f64 = 1.51;
 
 fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
@@ -107,16 +110,16 @@ fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
             let value = table.column(name).and_then(|index| row.get(index)).copied();
             value.filter(|x| x.is_finite())
         };
-        // Negative where unknown.
+        // Negative if unknown.
         let speed = cell("speed").filter(|speed| *speed >= 0.0);
         let bearing = cell("bearing").filter(|bearing| *bearing >= 0.0);
         Some(GnssFix {
             time: nanoseconds(*row.get(time)?)?,
             position: from_degrees((*row.get(latitude)?, *row.get(longitude)?)),
             height_m: cell("altitude"),
-            velocity_en_mps: speed.zip(bearing).map(over_ground),
+            velocity_en_mps: speed.zip(bearing).map(from_course),
             velocity_up_mps: None,
-            sigma: stated([
+            sigma: fix_sigma([
                 cell("horizontalAccuracy").map(|radius_m| radius_m / RADIUS_68_SIGMAS),
                 cell("verticalAccuracy"),
                 cell("speedAccuracy"),

@@ -1,4 +1,4 @@
-//! Tables of numbers as datasets, simulators and other programs write them: `EuRoC`, KITTI,
+//! Tables of numbers of datasets, simulators and other programs: `EuRoC`, KITTI,
 //! gnss-ins-sim, KF-GINS.
 
 use std::fs;
@@ -7,10 +7,10 @@ use std::path::Path;
 use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::recording::{Recording, bytes, from_degrees, level, stated, unreadable};
+use super::recording::{Recording, bytes, fix_sigma, from_degrees, horizontal_sigma, unreadable};
 use crate::log::{BodyAxes, LogError};
 
-/// Named columns of numbers; not a number where a cell holds none.
+/// Named columns of numbers; NaN where a cell is no number.
 pub(super) struct Table {
     pub(super) names: Vec<String>,
     pub(super) rows: Vec<Vec<f64>>,
@@ -38,7 +38,7 @@ impl Table {
         self.names.iter().position(is)
     }
 
-    /// Index of a column that must be there.
+    /// Index of a required column.
     pub(super) fn required(&self, name: &str, path: &Path) -> Result<usize, LogError> {
         self.column(name).ok_or_else(|| {
             let found = format!("columns {}", self.names.join(", "));
@@ -48,12 +48,12 @@ impl Table {
     }
 }
 
-/// A text whatever its encoding: what is no UTF-8 is no number either.
+/// Text of any encoding: numbers are ASCII.
 pub(super) fn content(path: &Path) -> Result<String, LogError> {
     Ok(String::from_utf8_lossy(&bytes(path)?).into_owned())
 }
 
-/// Cells between semicolons, tabs or commas, or else between blanks.
+/// Cells separated by semicolons, tabs or commas, or else by blanks.
 fn cells(line: &str) -> Vec<&str> {
     let line = line.trim();
     let quotes: &[char] = &['"', ' '];
@@ -67,7 +67,7 @@ fn cells(line: &str) -> Vec<&str> {
     }
 }
 
-/// A comma that parts no cells is a decimal one.
+/// A comma within a cell is a decimal one.
 pub(super) fn number(cell: &str) -> f64 {
     cell.replace(',', ".").parse().unwrap_or(f64::NAN)
 }
@@ -77,9 +77,9 @@ fn vector(row: &[f64], at: usize) -> Option<Vector3<f64>> {
     Some(Vector3::from(*vector))
 }
 
-// --- EuRoC (ASL), as Kalibr and VINS take it: inertial samples, with a GNSS file beside ---
+// --- EuRoC (ASL), as used by Kalibr and VINS: inertial samples; GNSS is in another file ---
 
-/// The format names none; the check of gravity says if they are others.
+/// The format defines none; the check of gravity finds others.
 const EUROC_AXES: BodyAxes = BodyAxes::Flu;
 
 /// The header names stamp and rates.
@@ -101,8 +101,8 @@ pub(super) fn read_euroc(path: &Path) -> Result<Recording, LogError> {
     Ok(recording)
 }
 
-// --- KITTI raw drives: a folder `oxts` with stamps and a text of numbers for each moment; forward, left,
-// up. Position and velocity are the OXTS unit's own solution, not those of a receiver. ---
+// --- KITTI raw drives: a folder `oxts` with times and a file of numbers per epoch; forward, left, up.
+// Position and velocity are the OXTS unit's own solution, not those of a receiver. ---
 
 pub(super) fn is_kitti(path: &Path, _: &[u8]) -> bool {
     path.join("oxts/timestamps.txt").is_file()
@@ -130,7 +130,7 @@ pub(super) fn read_kitti(path: &Path) -> Result<Recording, LogError> {
             height_m: Some(cells[2]),
             velocity_en_mps: Some(Vector2::new(cells[7], cells[6])),
             velocity_up_mps: Some(cells[10]),
-            sigma: stated([Some(cells[23]), None, Some(cells[24]), None]),
+            sigma: fix_sigma([Some(cells[23]), None, Some(cells[24]), None]),
         });
     }
     let mut recording = Recording::default();
@@ -145,7 +145,7 @@ pub(super) fn date_and_time(text: &str, format: &str) -> Option<Time> {
     Some(Time::from_micros(time.and_utc().timestamp_micros()))
 }
 
-// --- gnss-ins-sim: a folder with a table for each quantity, units in the headers, front-right-down ---
+// --- gnss-ins-sim: a folder with a table per quantity, units in the headers, forward-right-down ---
 
 pub(super) fn is_gnss_ins_sim(path: &Path, _: &[u8]) -> bool {
     let tables = ["time.csv", "gyro-0.csv", "accel-0.csv"];
@@ -155,7 +155,7 @@ pub(super) fn is_gnss_ins_sim(path: &Path, _: &[u8]) -> bool {
 pub(super) fn read_gnss_ins_sim(path: &Path) -> Result<Recording, LogError> {
     let times = column(&path.join("time.csv"))?;
     let mut recording = Recording::default();
-    // One of each for every run of the simulation.
+    // Files are numbered by runs of the simulation.
     for run in 0.. {
         let of = |name: &str| path.join(format!("{name}-{run}.csv"));
         let (gyro, accel, gps) = (of("gyro"), of("accel"), of("gps"));
@@ -200,16 +200,16 @@ fn column(path: &Path) -> Result<Vec<f64>, LogError> {
 /// Rates in rad/s where the header has degrees.
 fn vectors(path: &Path) -> Result<Vec<Vector3<f64>>, LogError> {
     let table = Table::read(path)?;
-    let degrees = table.names.first().is_some_and(|name| name.contains("deg"));
-    let scale = if degrees { 1_f64.to_radians() } else { 1.0 };
+    let in_degrees = table.names.first().is_some_and(|name| name.contains("deg"));
+    let scale = if in_degrees { 1_f64.to_radians() } else { 1.0 };
     let scaled = |row: &Vec<f64>| vector(row, 0).map(|v| scale * v);
     Ok(table.rows.iter().filter_map(scaled).collect())
 }
 
-// --- KF-GINS: rows of seconds of the GPS week with angles and velocities gained, front-right-down; and
-// rows of fixes with their sigmas ---
+// --- KF-GINS: GPS seconds of week with increments of angle and velocity, forward-right-down; or with fixes
+// and their sigmas ---
 
-/// Seven numbers between blanks, or thirteen for fixes with velocity, and no header.
+/// Seven numbers separated by blanks, or thirteen for fixes with velocity, and no header.
 pub(super) fn is_kf_gins(_: &Path, start: &[u8]) -> bool {
     let text = String::from_utf8_lossy(start);
     let mut rows = text.lines().take(3).map(cells);
@@ -222,9 +222,9 @@ pub(super) fn is_kf_gins(_: &Path, start: &[u8]) -> bool {
 
 pub(super) fn read_kf_gins(path: &Path) -> Result<Recording, LogError> {
     let rows = Table::read(path)?.rows;
-    // A place is degrees and metres, a gain of velocity is small.
-    let place = |row: &Vec<f64>| row.get(4..7).is_some_and(|s| s.iter().all(|x| *x > 0.0));
-    let fixes = rows.first().is_some_and(|row| row.len() == 13) || rows.iter().all(place);
+    // Sigmas are positive, increments of velocity have either sign.
+    let is_fix = |row: &Vec<f64>| row.get(4..7).is_some_and(|s| s.iter().all(|x| *x > 0.0));
+    let fixes = rows.first().is_some_and(|row| row.len() == 13) || rows.iter().all(is_fix);
     let mut recording = Recording::default();
     if fixes {
         let fixes = rows.iter().filter_map(|row| kf_gins_fix(row)).collect();
@@ -250,12 +250,17 @@ fn kf_gins_fix(row: &[f64]) -> Option<GnssFix> {
         height_m: Some(height),
         ..GnssFix::default()
     };
-    let mut sigmas = [Some(level((north, east))), Some(down), None, None];
+    let mut sigmas = [
+        Some(horizontal_sigma((north, east))),
+        Some(down),
+        None,
+        None,
+    ];
     if let Some([vn, ve, vd, sn, se, sd]) = row.get(7..).and_then(|rest| rest.first_chunk::<6>()) {
         fix.velocity_en_mps = Some(Vector2::new(*ve, *vn));
         fix.velocity_up_mps = Some(-vd);
-        [sigmas[2], sigmas[3]] = [Some(level((*sn, *se))), Some(*sd)];
+        [sigmas[2], sigmas[3]] = [Some(horizontal_sigma((*sn, *se))), Some(*sd)];
     }
-    fix.sigma = stated(sigmas);
+    fix.sigma = fix_sigma(sigmas);
     Some(fix)
 }

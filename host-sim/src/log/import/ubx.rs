@@ -1,17 +1,17 @@
 //! u-blox UBX: NAV-PVT with the inertial sensors' ESF-RAW or ESF-MEAS.
 //!
-//! The two have clocks of their own. Time tags of the sensors are laid onto the time of week by the
-//! order in which messages were sent: as early as the fixes that came before them allow.
+//! Their clocks differ. The offset from time tags of the sensors to the time of week is from the order of
+//! the messages: the least for which no sample precedes a fix sent before it.
 
 use std::path::Path;
 
 use ins_core::{GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::recording::{Recording, Stamped, bytes, from_degrees, joined, stated};
+use super::recording::{Recording, Stamped, bytes, fix_sigma, from_degrees, joined};
 use crate::log::{BodyAxes, LogError};
 
-/// What every frame begins with.
+/// Sync characters of a frame.
 const MAGIC: &[u8] = &[0xb5, 0x62];
 
 pub(super) fn recognised(_: &Path, start: &[u8]) -> bool {
@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     Ok(log.recording(path))
 }
 
-/// Message and payload of every frame that is whole.
+/// Class, ID and payload of all complete frames.
 fn frames(bytes: &[u8]) -> Vec<([u8; 2], &[u8])> {
     let mut frames = Vec::new();
     let mut at = 0;
@@ -48,13 +48,13 @@ fn frames(bytes: &[u8]) -> Vec<([u8; 2], &[u8])> {
     frames
 }
 
-/// The frame that bytes begin with. The magic alone is in one of a hundred files of other kinds.
+/// The frame at the start of bytes, with a right checksum: sync characters alone also occur in other files.
 fn frame(bytes: &[u8]) -> Option<([u8; 2], &[u8])> {
     let (head, rest) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<4>()?;
     let length = usize::from(u16::from_le_bytes([head[2], head[3]]));
     let sums = rest.get(length..length + 2)?;
-    let whole = checksum(&bytes[2..6 + length]) == sums;
-    whole.then(|| ([head[0], head[1]], &rest[..length]))
+    let complete = checksum(&bytes[2..6 + length]) == sums;
+    complete.then(|| ([head[0], head[1]], &rest[..length]))
 }
 
 fn checksum(bytes: &[u8]) -> [u8; 2] {
@@ -64,7 +64,7 @@ fn checksum(bytes: &[u8]) -> [u8; 2] {
     })
 }
 
-/// Channels in the order of axes: identifier of the value, by which it is multiplied.
+/// Data types of the axes x, y, z, and their scale factors.
 const GYROS: [u32; 3] = [14, 13, 5];
 const ACCELS: [u32; 3] = [16, 17, 18];
 const GYRO_RADPS: f64 = 0.017_453_292_519_943_295 / 4096.0;
@@ -76,32 +76,32 @@ const RAW_TAG_S: f64 = 1.0 / 25_600.0;
 #[derive(Default)]
 struct Ubx {
     fixes: Vec<GnssFix>,
-    meas: Tags,
-    raw: Tags,
+    meas: Stream,
+    raw: Stream,
 }
 
-/// A vector at the seconds of a time tag.
+/// A time tag, s, and the vector.
 type Tagged = (f64, Vector3<f64>);
 
-/// Values of the sensors by their time tags, from each start of the receiver.
+/// Sensor values by time tag, in a session for each start of the receiver.
 #[derive(Default)]
-struct Tags {
-    done: Vec<Run>,
-    run: Run,
+struct Stream {
+    done: Vec<Session>,
+    session: Session,
     last: Option<u32>,
 }
 
 #[derive(Default)]
-struct Run {
+struct Session {
     gyro: Vec<Tagged>,
     accel: Vec<Tagged>,
-    /// Parts of vectors that are not yet whole.
+    /// Components of incomplete vectors.
     parts: [Option<f64>; 6],
-    turns: f64,
-    /// The last fix before it, which tells nothing of its time tags.
-    former: Option<Time>,
-    /// Least difference from a time tag to the fix that had come before.
-    behind_s: Option<f64>,
+    rollovers: f64,
+    /// The last fix before the session, which does not bound its offset.
+    fix_before: Option<Time>,
+    /// Offset from time tags to time of week, if there was a fix.
+    offset_s: Option<f64>,
 }
 
 impl Ubx {
@@ -115,7 +115,7 @@ impl Ubx {
         };
         let (kind, fixed) = (payload[20], payload[21] & 1 == 1);
         let week_s = 1e-3 * int(0);
-        // Of three dimensions, also with dead reckoning: two dimensions have no height.
+        // 3D, or with dead reckoning: a 2D fix has no height.
         if !fixed || !matches!(kind, 3 | 4) {
             return;
         }
@@ -128,7 +128,7 @@ impl Ubx {
             height_m: Some(1e-3 * int(32)),
             velocity_en_mps: Some(Vector2::new(1e-3 * int(52), 1e-3 * int(48))),
             velocity_up_mps: Some(-1e-3 * int(56)),
-            sigma: stated([Some(40), Some(44), Some(68), None].map(|at| Some(1e-3 * int(at?)))),
+            sigma: fix_sigma([Some(40), Some(44), Some(68), None].map(|at| Some(1e-3 * int(at?)))),
         });
     }
 
@@ -158,8 +158,8 @@ impl Ubx {
         let mut recording = Recording::default();
         for (name, tags) in [("ESF-RAW", self.raw), ("ESF-MEAS", self.meas)] {
             let (gyro, accel) = (
-                tags.stamped(|run| &run.gyro),
-                tags.stamped(|run| &run.accel),
+                tags.stamped(|session| &session.gyro),
+                tags.stamped(|session| &session.accel),
             );
             let samples = joined(&gyro, &accel, BodyAxes::Frd);
             recording.add_imu(path, name, BodyAxes::Frd, samples);
@@ -169,50 +169,50 @@ impl Ubx {
     }
 }
 
-/// Further back than any block of a message, s: the receiver was started anew.
+/// Least step back of time tags that is a restart of the receiver, s: blocks of a message step less.
 const RESTART_S: f64 = 1.0;
 
-impl Tags {
+impl Stream {
     fn take(&mut self, tag: u32, tag_s: f64, value: u32, last_fix: Option<Time>) {
         let back = self.last.map_or(0, |last| last.saturating_sub(tag));
         self.last = Some(tag);
-        // Tags of 32 bits begin anew.
+        // Rollover of 32 bits.
         let rolled_over = back > u32::MAX / 2;
         if !rolled_over && tag_s * f64::from(back) > RESTART_S {
-            self.done.push(std::mem::take(&mut self.run));
-            self.run.former = last_fix;
+            self.done.push(std::mem::take(&mut self.session));
+            self.session.fix_before = last_fix;
         }
-        let run = &mut self.run;
+        let session = &mut self.session;
         if rolled_over {
-            run.turns += f64::from(u32::MAX) + 1.0;
+            session.rollovers += f64::from(u32::MAX) + 1.0;
         }
-        let time_s = tag_s * (run.turns + f64::from(tag));
-        run.take(time_s, value, last_fix);
+        let time_s = tag_s * (session.rollovers + f64::from(tag));
+        session.take(time_s, value, last_fix);
     }
 
-    /// Runs without a fix have no place in time, unless there is nothing else.
-    fn stamped(&self, of: fn(&Run) -> &[Tagged]) -> Vec<Stamped> {
-        let runs = || self.done.iter().chain([&self.run]);
-        let placed = runs().any(|run| run.behind_s.is_some());
+    /// Samples by time; sessions without a fix have none, and are used only if all are such.
+    fn stamped(&self, of: fn(&Session) -> &[Tagged]) -> Vec<Stamped> {
+        let sessions = || self.done.iter().chain([&self.session]);
+        let aligned = sessions().any(|session| session.offset_s.is_some());
         let mut all = Vec::new();
-        for run in runs().filter(|run| run.behind_s.is_some() == placed) {
-            let behind_s = run.behind_s.unwrap_or(0.0);
+        for session in sessions().filter(|session| session.offset_s.is_some() == aligned) {
+            let offset_s = session.offset_s.unwrap_or(0.0);
             let stamp =
-                |(time_s, value): &Tagged| Some((Time::from_seconds(time_s + behind_s)?, *value));
-            all.extend(of(run).iter().filter_map(stamp));
+                |(time_s, value): &Tagged| Some((Time::from_seconds(time_s + offset_s)?, *value));
+            all.extend(of(session).iter().filter_map(stamp));
         }
         all
     }
 }
 
-impl Run {
+impl Session {
     fn take(&mut self, time_s: f64, value: u32, last_fix: Option<Time>) {
-        if let Some(fix) = last_fix.filter(|_| last_fix != self.former) {
-            let behind_s = fix.as_seconds() - time_s;
-            self.behind_s = Some(self.behind_s.map_or(behind_s, |least| least.max(behind_s)));
+        if let Some(fix) = last_fix.filter(|_| last_fix != self.fix_before) {
+            let offset_s = fix.as_seconds() - time_s;
+            self.offset_s = Some(self.offset_s.map_or(offset_s, |least| least.max(offset_s)));
         }
         let kind = (value >> 24) & 0x3f;
-        // 24 bits with a sign.
+        // Signed, 24 bits.
         let number = f64::from((value << 8).cast_signed() >> 8);
         let channels = GYROS.iter().chain(&ACCELS);
         let Some(channel) = channels.clone().position(|known| *known == kind) else {
@@ -220,9 +220,9 @@ impl Run {
         };
         let scale = if channel < 3 { GYRO_RADPS } else { ACCEL_MPS2 };
         self.parts[channel] = Some(scale * number);
-        for (whole, parts) in [(&mut self.gyro, 0..3), (&mut self.accel, 3..6)] {
+        for (complete, parts) in [(&mut self.gyro, 0..3), (&mut self.accel, 3..6)] {
             if let [Some(x), Some(y), Some(z)] = self.parts[parts.clone()] {
-                whole.push((time_s, Vector3::new(x, y, z)));
+                complete.push((time_s, Vector3::new(x, y, z)));
                 self.parts[parts].fill(None);
             }
         }
