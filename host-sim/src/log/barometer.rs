@@ -21,8 +21,8 @@ const MIN_FIXES: usize = 30;
 
 /// Leaves out heights that contradict the rest of the log, with a warning.
 pub(super) fn check(log: &mut Log, path: &Path, warnings: &mut Vec<LogError>) {
-    let ends = [log.baro.first(), log.baro.last()].map(|end| end.map(|height| height.time));
-    let wrong = outside_samples(path, "a barometer", ends, log).or_else(|| {
+    let outside = outside_samples(path, "a barometer", &log.baro, |height| height.time, log);
+    let wrong = outside.or_else(|| {
         let (slope, unit) = wrong_unit(log)?;
         let expected = "heights that change as those of the receiver do";
         let found = format!("{slope:.3} times as much");

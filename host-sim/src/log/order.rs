@@ -338,16 +338,16 @@ pub(super) fn decimal(time: Time) -> String {
     format!("{}{whole}.{fraction:06}", if micros < 0 { "-" } else { "" })
 }
 
-/// A warning where rows, by their first and last times, do not overlap the samples in time and are not
-/// used.
-pub(super) fn outside_samples(
+/// A warning where rows do not overlap the samples in time and are not used.
+pub(super) fn outside_samples<T>(
     path: &Path,
     what: &str,
-    ends: [Option<Time>; 2],
+    rows: &[T],
+    time: fn(&T) -> Time,
     log: &Log,
 ) -> Option<LogError> {
     let [first, last] = [log.imu.first()?.time, log.imu.last()?.time];
-    let [from, to] = [ends[0]?, ends[1]?];
+    let (from, to) = (time(rows.first()?), time(rows.last()?));
     let span = |from, to| format!("{} to {} s", decimal(from), decimal(to));
     let expected = format!(
         "{what} within the time of the inertial samples, {}",

@@ -65,10 +65,10 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     if let Some(baro) = &baro {
         barometer::check(&mut log, baro, &mut warnings);
     }
-    warnings.extend(truth.and_then(|truth| {
-        let ends = [log.truth.first(), log.truth.last()].map(|end| end.map(|row| row.time));
-        outside_samples(&truth, "a reference", ends, &log)
-    }));
+    if let Some(path) = &truth {
+        let outside = outside_samples(path, "a reference", &log.truth, |row| row.time, &log);
+        warnings.extend(outside);
+    }
     Ok((log, warnings))
 }
 

@@ -218,8 +218,8 @@ impl Recording {
         };
         log::check::check(&mut log, &imu.path, &gnss.path, &mut warnings)?;
         log::barometer::check(&mut log, path, &mut warnings);
-        let ends = [log.truth.first(), log.truth.last()].map(|end| end.map(|row| row.time));
-        warnings.extend(outside_samples(path, "a reference", ends, &log));
+        let outside = outside_samples(path, "a reference", &log.truth, |row| row.time, &log);
+        warnings.extend(outside);
         Ok((log, warnings))
     }
 }
