@@ -335,7 +335,7 @@ fn damage_that_parsers_do_not_survive_is_an_error() {
     for bytes in [dataflash, ulog] {
         let path = file(folder.path(), "flight", bytes);
         let error = open(&path).unwrap_err();
-        assert_eq!(&*error.found, "what its parser stumbles over");
+        assert_eq!(&*error.found, "data on which its parser fails");
     }
 }
 

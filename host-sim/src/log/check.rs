@@ -34,7 +34,7 @@ pub(super) fn check(
     if log.imu.len() < 2 {
         let expected = "inertial samples all along the drive";
         let cause = "the logger stopped, or most of the file is lost";
-        return Err(findings.imu("", expected, "one alone", cause));
+        return Err(findings.imu("", expected, "a single one", cause));
     }
     let interval_s = median_interval_s(log.imu.times());
     check_intervals(log, interval_s, findings)?;
@@ -141,8 +141,8 @@ fn check_intervals(log: &Log, imu_s: f64, findings: &mut Findings) -> Result<(),
         return imu("minutes or kiloseconds for seconds, or stamps of too few digits");
     }
     if imu_s > 0.045 {
-        let cause = "right where each reading is the mean over its interval or an increment; of \
-                     faster readings every tenth, say, shows neither turns nor vibration";
+        let cause = "right where each reading is the mean over its interval or an increment; \
+                     every tenth of faster readings, say, aliases vibration and misses turns";
         let expected = "inertial samples 1 to 40 ms apart";
         findings.warn(findings.imu("t_s", expected, found(imu_s), cause));
     }
@@ -296,7 +296,7 @@ pub(super) fn check_displacements(
         && is_right(distance_ratio(&steps), &steps)
     {
         let expected = "positions along the velocity";
-        let found = "such, with latitude for longitude";
+        let found = "that, with latitude and longitude exchanged";
         let cause = "columns lat_deg and lon_deg swapped";
         return Err(findings.gnss(HORIZONTAL_COLUMNS, expected, found, cause));
     }

@@ -142,7 +142,7 @@ fn different_origin(log: &Log, findings: &Findings) -> LogError {
     let (first, last) = fix_span(log);
     if log.gnss.len() == 1 {
         let found = format!("one fix alone, {first:.3} s from the first sample");
-        let cause = "the receiver lost its fix, or its logger stopped: one fix tells no motion";
+        let cause = "the receiver lost its fix, or its logger stopped: one fix shows no motion";
         return findings.gnss("", "fixes all along the inertial samples", found, cause);
     }
     let expected = format!(

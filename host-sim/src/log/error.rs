@@ -56,8 +56,8 @@ impl LogError {
 
     /// The temporary file for samples cannot be written.
     pub(super) fn no_room(error: &io::Error) -> Self {
-        let cause = "a long log is kept in a file that is removed by itself, 56 bytes a sample, and \
-                     there is no room for it: TMPDIR names another folder";
+        let cause = "a long log needs a temporary file, 56 bytes per sample, and there is no room for \
+                     it: set TMPDIR to another folder";
         let (folder, expected) = (std::env::temp_dir(), "room for a temporary file");
         Self::file(&folder, expected, error.to_string(), cause)
     }

@@ -220,7 +220,7 @@ impl Repair<'_, '_> {
             for fix in self.fixes.iter_mut() {
                 fix.velocity_up_mps = fix.velocity_up_mps.map(|up| -up);
             }
-            self.warn("vu", expected, found, "it counts down; its sign is turned");
+            self.warn("vu", expected, found, "positive down: its sign is changed");
         } else if correlation > 0.8 && !(0.67..1.5).contains(&slope) {
             let cause = "another unit, or heights of another source";
             self.warn("vu", expected, found, cause);
@@ -277,7 +277,7 @@ impl Repair<'_, '_> {
             return;
         };
         let found = format!("the difference of two positions, to {backward:.4} m/s");
-        let cause = "computed, not measured: it comes late by half of what lies between and has the \
+        let cause = "computed, not measured: it is late by half of their interval and has the \
                      noise of positions; latency found here is that of such velocities";
         let expected = "velocity as the receiver measures it";
         self.warn("ve, vn", expected, found, cause);
@@ -297,7 +297,7 @@ impl Repair<'_, '_> {
             if median_sigma > max {
                 let expected = format!("spreads in {unit}, mostly below {max}");
                 let found = format!("a median of {median_sigma:.0} {unit}");
-                let cause = format!("m{unit} for {unit}? Fixes weigh by it");
+                let cause = format!("m{unit} for {unit}? Fixes are weighted by it");
                 self.warn(column, &expected, found, &cause);
             }
         }
@@ -308,14 +308,14 @@ impl Repair<'_, '_> {
             return Err(self.findings.gnss("", "a fix", "none", NO_FIX));
         }
         if self.count(|fix| fix.position.is_some()) == 0 {
-            let cause = "gravity and the Earth's rate hang on the latitude, and without nothing can \
-                         begin: write the place, to a kilometre, into the first row";
+            let cause = "gravity and Earth rate depend on latitude, and alignment needs both: write \
+                         the position, to a kilometre, into the first row";
             let (columns, expected) = ("lat_deg, lon_deg", "one position at least");
             return Err(self.findings.gnss(columns, expected, "none", cause));
         }
         if self.count(|fix| fix.velocity_en_mps.is_some()) == 0 {
-            let cause = "the receiver writes none: what positions alone show is found, later and \
-                         less exactly";
+            let cause = "the receiver writes none: estimates are by positions alone, later and less \
+                         accurate";
             self.warn("ve, vn", "velocities", "none".to_owned(), cause);
         }
         Ok(())

@@ -227,7 +227,7 @@ impl Meta {
 
     fn check_numbers(&self, path: &Path) -> Result<(), LogError> {
         let wrong = |key: &str, expected: &str, found: String| {
-            let cause = "a slip of the pen or another unit";
+            let cause = "a typing error or another unit";
             Err(LogError::file(path, expected, found, cause).in_column(key))
         };
         if let Some(heading) = self.initial_heading_deg
@@ -252,8 +252,7 @@ impl Meta {
     /// Clocks of one origin differ by minutes at most; `import` subtracts differences of origin, too.
     fn large_clock_offset(&self, path: &Path) -> Option<LogError> {
         let expected = "seconds by which clocks differ, up to 300";
-        let cause =
-            "a slip of the pen or another unit, unless one clock counts from another origin";
+        let cause = "a typing error or another unit, unless one clock counts from another origin";
         let key = "gnss_clock_offset_s";
         let offset_s = self.gnss_clock_offset_s;
         let defect = || LogError::file(path, expected, offset_s.to_string(), cause).in_column(key);
@@ -298,7 +297,7 @@ fn unknown_keys(path: &Path, document: &toml::Table) -> Vec<LogError> {
     keys.filter(|key| !KNOWN_KEYS.contains(&key.as_str()))
         .map(|key| {
             let expected = format!("one of the keys {}", KNOWN_KEYS.join(", "));
-            let cause = "not read; harmless if meant so";
+            let cause = "not read; harmless if intended";
             LogError::file(path, expected, format!("`{key}`"), cause).in_column(key)
         })
         .collect()

@@ -215,7 +215,7 @@ fn track_correlations(log: &Log, rates: &Rates) -> Option<Matrix2<f64>> {
 
 fn check_horizontal_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut Findings) {
     let c = correlation;
-    let expected = "accelerometers that feel brakings forward and turns to the right";
+    let expected = "accelerometers that measure braking along forward and turns along right";
     let mut warn = |found: String, cause: String| {
         findings.warn(findings.imu("accel", expected, found, cause));
     };
@@ -236,7 +236,7 @@ fn check_horizontal_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut F
             None if a * b > 0.0 => {
                 "accel_x and accel_y are swapped, and gyro_x and gyro_y may be".to_owned()
             }
-            None => "columns of another order, or a unit mounted across".to_owned(),
+            None => "columns of another order, or a unit mounted sideways".to_owned(),
         };
         warn(found, cause);
         return;
@@ -286,7 +286,7 @@ fn check_gravity_rotation(log: &Log, rates: &Rates, findings: &mut Findings) {
             "the accelerometer {name} or the gyro {about} has the wrong sign against body_axes = \"{}\"",
             log.meta.body_axes
         );
-        let expected = "gravity that turns in the body as the gyros say";
+        let expected = "gravity that rotates in the body as the gyros measure";
         findings.warn(findings.imu("gyro, accel", expected, found, cause));
     }
 }
@@ -384,7 +384,7 @@ pub(super) fn check_readings(
     let Some((offset, hypothesis)) = best.filter(|(offset, _)| offset.evidence > threshold) else {
         return Ok(());
     };
-    let expected = "sensors that feel the motion that GNSS shows";
+    let expected = "sensors that measure the motion that GNSS shows";
     let found = format!(
         "other readings that explain it far better (evidence {:.0} against {:.0})",
         offset.evidence, as_read.evidence

@@ -50,9 +50,9 @@ fn warn_of_gaps(log: &Log, findings: &mut Findings) {
         0 => String::new(),
         more => format!(", and {more} more"),
     };
-    let found = format!("a hole of {seconds:.1} s after {at_s:.1} s{more_gaps}");
-    let cause = "recording paused or broke off; the solution is found anew after each";
-    findings.warn(findings.imu("", "samples without holes", found, cause));
+    let found = format!("a gap of {seconds:.1} s after {at_s:.1} s{more_gaps}");
+    let cause = "recording paused or broke off; the solution starts anew after each";
+    findings.warn(findings.imu("", "samples without gaps", found, cause));
 }
 
 fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {

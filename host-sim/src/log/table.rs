@@ -175,7 +175,7 @@ impl Table {
         });
         let suggestions = suggestions.collect::<Vec<_>>().join(", ");
         let cause = match suggestions.as_str() {
-            "" => "not read; harmless if meant so".to_owned(),
+            "" => "not read; harmless if intended".to_owned(),
             _ => format!("not read; did you mean {suggestions}?"),
         };
         let names = unread.iter().map(|name| format!("`{name}`"));

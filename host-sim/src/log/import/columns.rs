@@ -285,7 +285,7 @@ impl Columns {
         if let Some(first) = rows.iter().position(Option::is_none) {
             let lost = rows.iter().filter(|row| row.is_none()).count();
             let found = format!(
-                "others in {lost} of {}, first in row {}",
+                "others in {lost} of {} rows, first in row {}",
                 rows.len(),
                 first + 1
             );

@@ -72,7 +72,7 @@ pub(crate) fn other_imus(path: &Path) -> Result<Vec<usize>, LogError> {
 fn recording(path: &Path, (_, read): &Format) -> Result<Recording, LogError> {
     catch_unwind(|| read(path)).unwrap_or_else(|_| {
         let cause = "a damaged file: copy it again, or repair it with the tools of its format";
-        let found = "what its parser stumbles over";
+        let found = "data on which its parser fails";
         Err(LogError::file(path, "a readable recording", found, cause))
     })
 }

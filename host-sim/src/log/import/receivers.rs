@@ -41,7 +41,7 @@ pub(super) fn read_nmea(path: &Path) -> Result<Recording, LogError> {
             Some(Ok(sentence)) => epochs.take(&sentence),
             Some(Err(nmea::Error::ChecksumMismatch { .. })) => {
                 let cause = "bytes that were lost or damaged between receiver and file";
-                let expected = "a sentence of the sum it states";
+                let expected = "a sentence of the checksum it states";
                 damaged.add(LogError::file(path, expected, "another", cause).at_line(number));
             }
             _ => {}

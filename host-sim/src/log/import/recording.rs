@@ -272,7 +272,7 @@ fn drop_stated_in_axes(
     let truth = (!std::mem::take(truth).is_empty()).then_some("truth.csv");
     for found in heading.into_iter().chain(arm).chain(truth) {
         let expected = "axes of which z is the vertical one";
-        let cause = "said along axes that had to be turned: not used; turn the columns instead";
+        let cause = "stated in axes that had to be turned: not used; turn the columns instead";
         warnings.push(LogError::file(path, expected, found, cause));
     }
 }

@@ -111,8 +111,8 @@ fn nearest<'a>(topic: &str, others: impl Iterator<Item = &'a str>) -> Option<usi
 
 fn unassigned_velocity(path: &Path, topic: String) -> LogError {
     let expected = "velocities in the namespace of one receiver's positions";
-    let cause = "whose they are is not known: not used; rename the topic to stand beside its \
-                 NavSatFix";
+    let cause = "of which receiver is not known: not used; rename the topic into the namespace of \
+                 its NavSatFix";
     LogError::file(path, expected, topic, cause)
 }
 
