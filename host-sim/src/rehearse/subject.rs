@@ -23,7 +23,7 @@ use crate::hil::session::{Event, HilError, Rate};
 use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
 use crate::sim::noise::fnv1a;
-use crate::study::subject::{Core, Kalman, Subject as Driven};
+use crate::study::estimator::{Core, Estimator, Kalman};
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Subject {
@@ -151,13 +151,13 @@ fn config(apriori: &Apriori, heading_rad: Option<f64>) -> Config {
 }
 
 /// Solutions of an algorithm at the times asked.
-fn run_over(mut subject: impl Driven, flown: &FlightData) -> Vec<Option<Solution>> {
+fn run_over(mut estimator: impl Estimator, flown: &FlightData) -> Vec<Option<Solution>> {
     let mut asks = flown.asks().iter().peekable();
     let mut solutions = Vec::with_capacity(asks.len());
-    while let Some(time) = subject.step() {
+    while let Some(time) = estimator.step() {
         // Several where samples were lost for long.
         while asks.next_if(|ask| ask.time <= time).is_some() {
-            solutions.push(subject.solution());
+            solutions.push(estimator.solution());
         }
     }
     solutions

@@ -1,7 +1,8 @@
-//! Studies: many runs, or many logs, to one table of how good and how honest the results are.
+//! Studies: accuracy and consistency of the estimates over many runs or logs.
 
 pub mod accuracy;
 pub mod conditions;
+pub(crate) mod estimator;
 pub mod flights;
 pub mod logs;
 pub(crate) mod options;
@@ -9,4 +10,3 @@ pub mod plan_drive;
 pub mod recordings;
 pub mod recovery;
 pub mod reproduce;
-pub(crate) mod subject;

@@ -1,11 +1,11 @@
-//! Numbers that options of several studies take.
+//! Ranges of the numerical options of several studies.
 
 use std::ops::RangeInclusive;
 
-/// Seeds are counted up from the first.
+/// Largest first seed: the others follow.
 pub const MOST_SEED: u64 = u64::MAX / 2;
 
-/// A number within a range, or what is wanted.
+/// Parses a number within a range; `wanted` is the error.
 pub fn within(text: &str, range: RangeInclusive<f64>, wanted: &str) -> Result<f64, String> {
     let number = text.parse().ok();
     number

@@ -1,12 +1,12 @@
-//! How accurate the running estimators are: many seeded drives, errors against what was put in.
+//! Accuracy of the running estimates: Monte Carlo drives, errors against the simulated truth.
 
 mod output;
 mod statistics;
 
 pub use output::{JSON, picture, readable, write};
-pub use statistics::{Results, Row, Spread};
+pub use statistics::{Results, RmsPoint, Row};
 
-pub use super::subject::config_of;
+pub use super::estimator::config_of;
 
 use core::f64::consts::PI;
 
@@ -20,8 +20,8 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::estimator::{self, Core, Estimator, Kalman};
 use super::options::{MOST_SEED, minutes, within};
-use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::Noise;
 use crate::identify::free_inertial::known;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
@@ -29,12 +29,12 @@ use crate::log::{GRAVITY_MPS2, Grade};
 use crate::page::progress::counted;
 use crate::sim::{DriveConfig, ErrorModel, SensorErrors, SimulatedDrive, simulate};
 
-/// Interval at which the errors of a run are looked at, s.
+/// Interval of the checks of a run, s.
 pub const EVERY_S: f64 = 10.0;
-/// Azimuth error above which a run has not converged, deg.
-const LOST_DEG: f64 = 5.0;
-/// Positions with so much noise say nothing, m.
-const NO_POSITION_M: f64 = 1e5;
+/// Azimuth error below which a run has converged, deg.
+const CONVERGED_DEG: f64 = 5.0;
+/// Noise of positions that the filter is not to use, m.
+const UNUSED_POSITION_SIGMA_M: f64 = 1e5;
 
 /// A parameter, and the engineering unit it is reported in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -46,10 +46,10 @@ pub struct Quantity {
     /// SI value of one unit.
     #[serde(skip)]
     pub si: f64,
-    /// What a Kalman filter that knows the exact noises reaches on the linear model of an
-    /// HG1700-class drive of 40 min; none of other drives.
+    /// RMS error of a Kalman filter with the exact noises on the linear model of an HG1700-class drive
+    /// of 40 min; none of other drives.
     pub limit: Option<f64>,
-    /// What this program has to reach there.
+    /// RMS error that this program has to reach there.
     pub goal: Option<f64>,
 }
 
@@ -83,7 +83,7 @@ const UP_GYRO: [Option<f64>; 2] = [Some(0.17), Some(0.25)];
 const LATENCY: [Option<f64>; 2] = [Some(0.55), Some(1.0)];
 const DEG: f64 = PI / 180.0;
 
-/// What is looked at, in this order everywhere; body axes right-forward-up.
+/// The quantities, in this order everywhere; body axes right-forward-up.
 #[rustfmt::skip]
 pub const QUANTITIES: [Quantity; 8] = [
     quantity("azimuth_error_deg", "azimuth", "deg", DEG, AZIMUTH),
@@ -144,7 +144,7 @@ fn factor(text: &str) -> Result<f64, String> {
     within(text, 0.01..=100.0, "a factor from 0.01 to 100")
 }
 
-/// Error and stated spread of a quantity at one time, in its unit.
+/// Error and stated sigma of a quantity at one time, in its unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Check {
     /// Estimate minus truth.
@@ -155,8 +155,7 @@ pub struct Check {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     pub seed: u64,
-    /// Whether it was navigating at the end, on an observable azimuth that is right to some
-    /// degrees.
+    /// Whether it navigates at the end, with an observable azimuth that is correct to some degrees.
     pub converged: bool,
     /// Checks every [`EVERY_S`], oldest first; none before it navigates.
     pub history: Vec<Option<[Check; 8]>>,
@@ -177,17 +176,17 @@ impl Study {
         }
     }
 
-    /// Runs all drives, several at a time; what comes out does not depend on how many. `spoil` has
-    /// the last word on the errors of the sensors, `tune` on the configuration.
+    /// Runs all drives in parallel; the results do not depend on the number of threads. `alter` is
+    /// applied last to the errors of the sensors, `configure` to the configuration.
     pub fn drive(
         &self,
-        spoil: &(dyn Fn(&mut ErrorModel) + Sync),
-        tune: &(dyn Fn(&mut Config) + Sync),
+        alter: &(dyn Fn(&mut ErrorModel) + Sync),
+        configure: &(dyn Fn(&mut Config) + Sync),
         progress: &ProgressBar,
     ) -> Result<Vec<Run>, ConfigError> {
         progress.set_length(self.runs);
         let seeds = self.first_seed..self.first_seed.saturating_add(self.runs);
-        let one = counted(progress, |seed| self.run(seed, spoil, tune));
+        let one = counted(progress, |seed| self.run(seed, alter, configure));
         seeds.into_par_iter().map(one).collect()
     }
 
@@ -211,50 +210,50 @@ impl Study {
     fn run(
         &self,
         seed: u64,
-        spoil: &dyn Fn(&mut ErrorModel),
-        tune: &dyn Fn(&mut Config),
+        alter: &dyn Fn(&mut ErrorModel),
+        configure: &dyn Fn(&mut Config),
     ) -> Result<Run, ConfigError> {
-        let mut plan = DriveConfig::new(seed, self.grade, self.minutes);
-        spoil(&mut plan.recording.errors);
-        let drive = simulate(&plan);
+        let mut drive_config = DriveConfig::new(seed, self.grade, self.minutes);
+        alter(&mut drive_config.recording.errors);
+        let drive = simulate(&drive_config);
         let mut config = self.config(&drive);
-        tune(&mut config);
+        configure(&mut config);
         let (converged, history) = if let Some(factor) = self.kalman_noise {
-            let noise = self.told(factor);
+            let noise = self.filter_noise(factor);
             let mut filter = Kalman::new(&drive.imu, &drive.gnss, config, noise, &Vector3::z())?;
-            (true, look(&mut filter, &drive, kalman_finds))
+            (true, checks_over(&mut filter, &drive, kalman_estimates))
         } else {
             let mut core = Core::new(config, &drive)?;
-            let history = look(&mut core, &drive, core_finds);
+            let history = checks_over(&mut core, &drive, core_estimates);
             let azimuth = core.navigator.estimates().azimuth_error_rad;
             (known(&azimuth) && core.solution().is_some(), history)
         };
         Ok(Run {
             seed,
-            converged: converged && azimuth_is_right(&history),
+            converged: converged && azimuth_is_correct(&history),
             history,
         })
     }
 
-    fn told(&self, factor: f64) -> Noise {
+    fn filter_noise(&self, factor: f64) -> Noise {
         let mut noise = Noise::of_model(&self.grade.errors()).scaled(factor);
         if !self.kalman_positions {
-            noise.gnss.position_m = config::Noise::white(NO_POSITION_M);
+            noise.gnss.position_m = config::Noise::white(UNUSED_POSITION_SIGMA_M);
         }
         noise
     }
 }
 
-/// Checks of what somebody finds: estimates, and a heading, rad.
-fn look<S: Subject>(
-    subject: &mut S,
+/// Checks over a drive of what `found` returns: estimates, and a heading, rad.
+fn checks_over<S: Estimator>(
+    estimator: &mut S,
     drive: &SimulatedDrive,
     found: fn(&S) -> Option<(Estimates, f64)>,
 ) -> Vec<Option<[Check; 8]>> {
     let mut history = Vec::new();
-    // One for each truth, which is given in turn.
+    // One for each truth, in the same order.
     let mut biases = drive.biases.iter();
-    subject::drive(subject, &drive.truth, |subject, time, truth| {
+    estimator::run(estimator, &drive.truth, |estimator, time, truth| {
         let Some([gyro, accel]) = biases.next() else {
             return;
         };
@@ -266,31 +265,30 @@ fn look<S: Subject>(
                 ..drive.errors
             };
             let checks = |found| checks(found, &errors, truth);
-            history.push(found(subject).map(checks));
+            history.push(found(estimator).map(checks));
         }
     });
     history
 }
 
-fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
+fn azimuth_is_correct(history: &[Option<[Check; 8]>]) -> bool {
     let end = history.last().and_then(Option::as_ref);
-    end.is_some_and(|[azimuth, ..]| azimuth.error.abs() < LOST_DEG)
+    end.is_some_and(|[azimuth, ..]| azimuth.error.abs() < CONVERGED_DEG)
 }
 
-/// The azimuth is that of the damped INS: what is still in it against what the estimator says is
-/// still in it.
-fn core_finds(core: &Core) -> Option<(Estimates, f64)> {
+/// The azimuth is that of the damped INS: its residual error against the estimate of that.
+fn core_estimates(core: &Core) -> Option<(Estimates, f64)> {
     let mut estimates = core.navigator.estimates();
     estimates.azimuth_error_rad.value = core.navigator.azimuth_left_rad();
     Some((estimates, core.navigator.mechanization()?.heading_rad()))
 }
 
-fn kalman_finds(kalman: &Kalman) -> Option<(Estimates, f64)> {
+fn kalman_estimates(kalman: &Kalman) -> Option<(Estimates, f64)> {
     let filter = kalman.run.filter()?;
     Some((filter.estimates(), filter.nominal.ins.heading_rad()))
 }
 
-/// Every estimate against its truth at that moment; the azimuth is what is left in a heading.
+/// Every estimate against its truth at that time; the azimuth is the residual error of a heading.
 fn checks(
     (estimates, heading_rad): (Estimates, f64),
     errors: &SensorErrors,
@@ -299,7 +297,7 @@ fn checks(
     let [ax, ay, az] = estimates.accel_bias_mps2;
     let [gx, gy, gz] = estimates.gyro_bias_radps;
     let azimuth_left = wrap_pi(heading_rad - truth.euler().heading_rad);
-    // The up accelerometer feels g: its scale error is a bias.
+    // The up accelerometer reads g: its scale error acts as a bias.
     let up_bias = errors.accel_bias_mps2[2] + errors.accel_matrix[(2, 2)] * GRAVITY_MPS2;
     let pairs = [
         (estimates.azimuth_error_rad, azimuth_left),
@@ -325,9 +323,9 @@ mod tests {
     use super::*;
     use crate::sim::errors::BiasModel;
 
-    /// A bias that jumps by many sigmas later on is none of the errors of before.
+    /// A bias that jumps by many sigmas later is no error before.
     #[test]
-    fn estimates_are_held_against_the_biases_of_their_moment() {
+    fn estimates_are_compared_with_the_biases_of_their_time() {
         let study = Study {
             minutes: 6.0,
             ..Study::new(Grade::Mems, 1)
@@ -345,7 +343,7 @@ mod tests {
         let before = runs[0].history[29].expect("it navigates after five minutes");
         for check in &before[4..7] {
             assert!(check.error.abs() < 4.0 * check.sigma, "{check:?}");
-            // The jump would show: it is far beyond the bound above.
+            // The jump would be detected: it is far beyond the bound above.
             assert!(4.0 * check.sigma < 500.0, "{check:?}");
         }
     }

@@ -1,10 +1,10 @@
-//! `accuracy.json`, `accuracy.csv`, `accuracy.svg`, and the table for people.
+//! `accuracy.json`, `accuracy.csv`, `accuracy.svg`, and the table as text.
 
 use std::path::Path;
 
 use miette::Result;
 
-use super::{QUANTITIES, Results, Row, Run, Spread};
+use super::{QUANTITIES, Results, RmsPoint, Row, Run};
 use crate::page::plot::{BLUE, Mark, ORANGE};
 use crate::page::sheet::{self, Panel};
 use crate::page::table::{Table, heads};
@@ -67,12 +67,12 @@ pub fn picture(results: &Results) -> String {
 }
 
 fn panel(results: &Results, which: usize) -> Panel {
-    let minutes = |series: fn(&Spread) -> &[f64; 8]| -> Vec<(f64, f64)> {
-        let point = |spread: &Spread| (spread.time_s / 60.0, series(spread)[which]);
+    let curve = |series: fn(&RmsPoint) -> &[f64; 8]| -> Vec<(f64, f64)> {
+        let point = |point: &RmsPoint| (point.time_s / 60.0, series(point)[which]);
         results.history.iter().map(point).collect()
     };
-    let error = minutes(|spread| &spread.rms_error);
-    let sigma = minutes(|spread| &spread.rms_sigma);
+    let error = curve(|point| &point.rms_error);
+    let sigma = curve(|point| &point.rms_sigma);
     let values = || error.iter().chain(&sigma).map(|point| point.1);
     let least = values().filter(|v| *v > 0.0).fold(f64::MAX, f64::min);
     let most = values().fold(least, f64::max);
@@ -104,15 +104,15 @@ impl Results {
 
 impl Row {
     fn cells(&self) -> Vec<String> {
-        let known = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+        let cell = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         vec![
             self.quantity.head(),
             brief(self.rms_error),
             digits(self.rms_error, self.rms_sigma),
             format!("{:.0} %", self.within_sigma_percent),
             format!("{:.1} min", self.settled_s / 60.0),
-            known(self.quantity.limit),
-            known(self.quantity.goal),
+            cell(self.quantity.limit),
+            cell(self.quantity.goal),
         ]
     }
 }

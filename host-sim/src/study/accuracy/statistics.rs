@@ -1,4 +1,4 @@
-//! What many runs say together.
+//! Statistics over the runs.
 
 use indicatif::ProgressBar;
 use ins_core::ConfigError;
@@ -7,19 +7,19 @@ use serde::Serialize;
 use super::{Check, EVERY_S, QUANTITIES, Quantity, Run, Study};
 use crate::statistics::rms;
 
-/// Part of normally distributed errors within one sigma, 1.
+/// Fraction of normally distributed errors within one sigma.
 const WITHIN_SIGMA: f64 = 0.6827;
 
-/// All runs of a study, and what they say together.
+/// All runs of a study, and their statistics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
     #[serde(flatten)]
     pub study: Study,
-    /// Runs that ended on an azimuth that is right.
+    /// Runs that end with a correct azimuth.
     pub converged: usize,
     pub quantities: Vec<Row>,
     /// The same over time.
-    pub history: Vec<Spread>,
+    pub history: Vec<RmsPoint>,
     /// The runs themselves, by seed.
     #[serde(skip)]
     pub runs: Vec<Run>,
@@ -38,10 +38,10 @@ pub struct Row {
 
 /// All quantities at one time, in the order of [`QUANTITIES`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
+pub struct RmsPoint {
     /// Since the first sample, s.
     pub time_s: f64,
-    /// Runs that navigate; those before are left out.
+    /// Runs that navigate; only these are in the RMS.
     pub navigating: usize,
     pub rms_error: [f64; 8],
     pub rms_sigma: [f64; 8],
@@ -56,11 +56,11 @@ impl Study {
 }
 
 impl Results {
-    /// Sums up runs of equal length.
+    /// Of runs of equal length.
     pub fn new(study: Study, runs: Vec<Run>) -> Self {
         let checks = runs.iter().map(|run| run.history.len()).min().unwrap_or(0);
-        let history: Vec<Spread> = (0..checks)
-            .filter_map(|check| spread(&runs, check))
+        let history: Vec<RmsPoint> = (0..checks)
+            .filter_map(|check| rms_point(&runs, check))
             .collect();
         let mut results = Self {
             study,
@@ -97,17 +97,17 @@ impl Results {
         })
     }
 
-    /// From when on the RMS error of all runs in a quantity stays below a level, s; `None` if it does
+    /// Time after which the RMS error of all runs in a quantity stays below a level, s; `None` if it does
     /// not.
     pub fn settled_s(&self, which: usize, level: f64) -> Option<f64> {
-        let settled = |spread: &&Spread| {
-            spread.navigating == self.runs.len() && spread.rms_error[which] < level
+        let settled = |point: &&RmsPoint| {
+            point.navigating == self.runs.len() && point.rms_error[which] < level
         };
         let since = self.history.iter().rev().take_while(settled).last();
-        since.map(|spread| spread.time_s)
+        since.map(|point| point.time_s)
     }
 
-    /// Two standard deviations of the part of honest errors within one sigma, percent.
+    /// Two standard deviations of the fraction of errors within one sigma if the sigmas are correct, percent.
     pub fn coverage_spread_percent(&self) -> f64 {
         let variance = WITHIN_SIGMA * (1.0 - WITHIN_SIGMA) / self.runs.len() as f64;
         200.0 * variance.sqrt()
@@ -115,7 +115,7 @@ impl Results {
 }
 
 /// `None` if no run navigates yet.
-fn spread(runs: &[Run], check: usize) -> Option<Spread> {
+fn rms_point(runs: &[Run], check: usize) -> Option<RmsPoint> {
     let checks: Vec<&[Check; 8]> = runs
         .iter()
         .filter_map(|run| run.history[check].as_ref())
@@ -123,7 +123,7 @@ fn spread(runs: &[Run], check: usize) -> Option<Spread> {
     let rms = |value: fn(&Check) -> f64| {
         core::array::from_fn(|which| rms(checks.iter().map(|checks| value(&checks[which]))))
     };
-    (!checks.is_empty()).then(|| Spread {
+    (!checks.is_empty()).then(|| RmsPoint {
         time_s: EVERY_S * (check + 1) as f64,
         navigating: checks.len(),
         rms_error: rms(|check| check.error),
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
     use crate::log::Grade;
 
-    /// Runs whose errors are the given ones, for every quantity alike; sigma is 1.
+    /// Runs with the given errors in every quantity; sigma is 1.
     fn runs(errors: &[&[f64]]) -> Vec<Run> {
         let checks = |error: &f64| {
             let check = Check {
@@ -156,9 +156,9 @@ mod tests {
     }
 
     #[test]
-    fn sums_up() {
+    fn statistics_of_two_runs() {
         let study = Study::new(Grade::Hg1700, 2);
-        // RMS 5, 12, 1.5, 2.5, 1: it dips at the third check, and settles at the last.
+        // RMS 11.5, 12, 1.5, 2.5, 1: below the level at the third check already, settled at the last.
         let all = runs(&[&[3.0, 12.0, 1.5, 2.5, -0.6], &[-16.0, 12.0, 1.5, 2.5, 1.28]]);
         let results = Results::new(study, all);
         let row = results.quantities[3];
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_and_goals_are_of_the_drives_that_they_hold_for() {
+    fn limits_and_goals_are_given_only_for_their_drives() {
         for (grade, minutes, there) in [
             (Grade::Hg1700, 40.0, true),
             (Grade::Hg1700, 20.0, false),

@@ -1,20 +1,20 @@
-//! How honest the core is over kinds of vehicles, mounts, units and receivers: each kind is
-//! simulated over seeds, and every estimate held against its truth and its own sigma.
+//! Consistency of the core over kinds of vehicles, mounts, units and receivers: each kind is simulated
+//! over seeds, and every estimate compared with its truth and its own sigma.
 
+mod apriori;
 mod kinds;
 pub mod output;
 mod quantities;
 mod run;
+mod scenario;
 mod statistics;
-mod told;
 mod truth;
-mod world;
 
 pub use kinds::Kind;
 pub use quantities::{QUANTITIES, Quantity};
-pub use run::{Check, Run, Trial, Tried};
-pub use statistics::{Beside, KalmanLost, Results, Row, Totals};
-pub use world::{Vehicle, World};
+pub use run::{Check, Run, Trial, TrialRuns};
+pub use scenario::{Scenario, Vehicle};
+pub use statistics::{KalmanComparison, KalmanLost, Results, Row, Totals};
 
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use crate::log::Grade;
 use crate::page::progress::counted;
 
-/// Every kind: those to develop on, then those that judge.
+/// All kinds: those for development, then the judges.
 pub fn all() -> impl Iterator<Item = &'static Kind> {
     kinds::develop::KINDS.iter().chain(kinds::judge::KINDS)
 }
@@ -31,7 +31,7 @@ pub fn all() -> impl Iterator<Item = &'static Kind> {
 pub struct Study {
     /// Kinds, each with every class of sensors it is for.
     pub kinds: Vec<&'static Kind>,
-    /// Classes that are left out.
+    /// The only class, if given.
     pub only: Option<Grade>,
     /// Seed of the first run; the others follow.
     pub first_seed: u64,
@@ -40,7 +40,7 @@ pub struct Study {
 }
 
 impl Study {
-    /// Runs everything, several at a time; what comes out does not depend on how many.
+    /// Runs everything in parallel; the results do not depend on the number of threads.
     pub fn results(&self, progress: &ProgressBar) -> Vec<Results> {
         let cases: Vec<(&'static Kind, Grade)> = self
             .kinds
@@ -55,12 +55,12 @@ impl Study {
             let one = |(kind, class): &(&Kind, Grade)| self.trial.run(kind, *class, seed);
             cases.par_iter().map(counted(progress, one)).collect()
         };
-        let tried: Vec<Vec<Tried>> = seeds.into_par_iter().map(on_seed).collect();
+        let of_seeds: Vec<Vec<TrialRuns>> = seeds.into_par_iter().map(on_seed).collect();
         cases
             .iter()
             .enumerate()
             .map(|(case, (kind, class))| {
-                let runs: Vec<&Tried> = tried.iter().map(|of_seed| &of_seed[case]).collect();
+                let runs: Vec<&TrialRuns> = of_seeds.iter().map(|of_seed| &of_seed[case]).collect();
                 Results::new(kind, *class, &runs)
             })
             .collect()
@@ -90,37 +90,37 @@ mod tests {
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {
         let study = study(&["ten_wrong", "many_samples"], Grade::Mems, 3, 2);
-        let on = |threads| {
+        let with_threads = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let results = || study.results(&ProgressBar::hidden());
             pool.build().unwrap().install(results)
         };
-        let results = on(1);
+        let results = with_threads(1);
         assert_eq!(results.len(), 2);
-        // As text: not every number need be one.
-        assert_eq!(format!("{results:?}"), format!("{:?}", on(3)));
+        // As text: some numbers may be NaN.
+        assert_eq!(format!("{results:?}"), format!("{:?}", with_threads(3)));
     }
 
-    /// What waves do to an antenna on a mast says more of the latency than what they do to the unit.
-    /// Without that, the lever arm came out beyond 4.5 sigmas in half of these.
+    /// The motion of an antenna on a mast in waves makes the latency more observable than that of the unit.
+    /// Without it, the lever arm was off by more than 4.5 sigmas in half of these.
     #[test]
-    fn a_swinging_antenna_shows_the_latency() {
+    fn a_swinging_antenna_makes_the_latency_observable() {
         for row in of_kind("boat_in_short_waves", Grade::Hg1700, 500, 6).rows {
             assert_eq!(row.wrong_and_sure, 0, "{}", row.quantity.name);
         }
     }
 
-    /// A search that takes the latency from the unit's own motion alone, or supposes inertial stamps to be
-    /// most of a second late, sees such an antenna swing the wrong way round in two of these.
+    /// A search that takes the latency from the motion of the unit alone, or allows inertial stamps to be
+    /// most of a second late, finds the antenna swinging in the opposite phase in two of these.
     #[test]
-    fn a_mast_in_waves_shows_no_wrong_latency() {
+    fn a_mast_in_waves_gives_no_wrong_latency() {
         for row in of_kind("mast", Grade::Mems, 140, 15).rows {
             assert_eq!(row.wrong_and_sure, 0, "{}", row.quantity.name);
         }
     }
 
-    /// Up a mast at anchor the antenna moves and the unit does not, which "no rotation and no arm"
-    /// explains. Searches that were led so never found a heading, in all of these.
+    /// On a mast at anchor the antenna moves and the unit does not, which fits "no rotation and no lever arm".
+    /// Searches misled by that never found a heading, in all of these.
     #[test]
     fn a_mast_at_anchor_does_not_mislead_the_search_for_the_heading() {
         let boat = of_kind("masthead", Grade::Mems, 500, 6);
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn under_white_noise_core_and_filter_err_alike() {
+    fn under_white_noise_core_and_filter_have_similar_errors() {
         for receiver_known in [false, true] {
             let study = Study {
                 trial: Trial {
@@ -141,11 +141,11 @@ mod tests {
             let plain = &results[0];
             assert_eq!(plain.kalman_lost.map(KalmanLost::runs), Some(0));
             assert_eq!(plain.near_kalman().1, plain.rows.len());
-            // Both are near the best there is, on the same noise: what is left is the chance of sixteen
-            // runs, a fifth of a ratio; of eight it was up to a third. Positions are so if
-            // the core is told the same: else it takes part of their noise for correlated, which
-            // here is white. So is the vertical velocity, which hangs on the height.
-            let of_positions = ["level position", "height", "vertical velocity"];
+            // Both are near optimal on the same noise: ratios of sixteen runs vary by a fifth, of eight by up
+            // to a third. That holds for positions only if the core has the same noise model: else it takes
+            // part of their white noise for correlated. So with the vertical velocity, which depends on the
+            // height.
+            let affected = ["level position", "height", "vertical velocity"];
             for (row, over) in plain.over_kalman() {
                 let name = row.quantity.name;
                 let own = row.kalman.unwrap().rms_ratio.unwrap();
@@ -153,7 +153,7 @@ mod tests {
                     (0.5..1.8).contains(&own),
                     "{name}: filter {own:.2} of its sigma"
                 );
-                if receiver_known || !of_positions.contains(&name) {
+                if receiver_known || !affected.contains(&name) {
                     assert!((0.7..1.4).contains(&over), "{name}: {over:.2}");
                 }
             }
@@ -161,13 +161,13 @@ mod tests {
     }
 
     #[test]
-    fn what_misaligned_gyros_add_in_every_banked_turn_is_found() {
+    fn misalignment_of_gyros_in_banked_turns_is_estimated() {
         let off = ratio("misaligned_in_flight", Grade::Mems, 0, 6, "gyro z");
-        // Six errors of one sigma come to 1.5 in one of thirty sets; taken for biases these come to 2.3.
+        // The RMS of six errors of one sigma exceeds 1.5 in one of thirty sets; taken for biases it was 2.3.
         assert!(off < 1.5, "{off}");
     }
 
-    /// Over its sigma, RMS.
+    /// RMS of error over sigma.
     fn ratio(kind: &str, class: Grade, first_seed: u64, seeds: u64, quantity: &str) -> f64 {
         let results = of_kind(kind, class, first_seed, seeds);
         let mut rows = results.rows.iter();
@@ -175,11 +175,11 @@ mod tests {
         row.rms_ratio.unwrap()
     }
 
-    /// A receiver that smooths shows a lateral velocity in every turn. Counted once a fix, it came to
-    /// 2.4 sigmas of the forward accelerometer here; six errors of one sigma come to 1.5 in one of
-    /// thirty sets, and what is taken for smoothing is too little by some.
+    /// A receiver that smooths gives a false lateral velocity in every turn. Taken as white noise of each fix,
+    /// it made the forward accelerometer 2.4 sigmas off here; the RMS of six errors of one sigma exceeds 1.5
+    /// in one of thirty sets, and the smoothing is somewhat underestimated.
     #[test]
-    fn what_smoothing_leaves_is_not_taken_for_a_bias() {
+    fn smoothing_of_the_receiver_is_not_taken_for_a_bias() {
         let off = ratio(
             "smoothed_velocity",
             Grade::Hg1700,
@@ -190,8 +190,8 @@ mod tests {
         assert!(off < 1.8, "{off}");
     }
 
-    /// The vertical accelerometer of this unit warms up. Taken for noise of velocities, that made the
-    /// height wrong by 36 m and 7 sigmas, with 3 m of the receiver.
+    /// The bias of the vertical accelerometer drifts as this unit warms up. Taken for noise of velocities, that
+    /// made the height wrong by 36 m and 7 sigmas, with a receiver good to 3 m.
     #[test]
     fn an_accelerometer_that_warms_up_is_not_taken_for_noise() {
         let off = ratio("warming", Grade::Hg1700, 3055, 1, "height");
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn kinds_have_names_of_their_own_and_half_of_them_judge() {
+    fn names_of_kinds_are_unique_and_half_of_them_are_judges() {
         let names: std::collections::BTreeSet<&str> = all().map(|kind| kind.name).collect();
         assert_eq!(names.len(), all().count());
         assert!(names.len() >= 40);

@@ -1,16 +1,16 @@
-//! The results as tables for people.
+//! The results as tables.
 
 use miette::Result;
 
-use super::statistics::{Beside, Results, Row, Totals};
+use super::statistics::{KalmanComparison, Results, Row, Totals};
 use crate::log::Grade;
 use crate::page;
 use crate::page::table::{Table, heads};
 
-/// Quantities that are named as worst.
+/// Rows of the table of the worst quantities.
 const WORST: usize = 10;
 
-/// Overview, totals, what is worst beside the Kalman filter, then every kind by itself.
+/// Overview, totals, the worst quantities against the Kalman filter, then every kind in detail.
 pub fn readable(results: &[Results], details: bool) -> String {
     let summary = [overview_table(results), totals_table(&totals(results))];
     let tables = summary.into_iter().chain(worst_table(results));
@@ -19,13 +19,14 @@ pub fn readable(results: &[Results], details: bool) -> String {
     parts.collect::<Vec<_>>().join("\n")
 }
 
-/// Development and judge kinds, each class apart.
+/// Of development kinds and of judges, together and by class.
 pub fn totals(results: &[Results]) -> Vec<Totals> {
     let groups = [(false, "development"), (true, "judges")];
     let classes = [Grade::Mems, Grade::Hg1700];
     let one = |(judge, name): (bool, &str), class: Option<Grade>| {
-        let of = |r: &&Results| r.judge == judge && class.is_none_or(|class| r.class == class);
-        let group: Vec<&Results> = results.iter().filter(of).collect();
+        let in_group =
+            |r: &&Results| r.judge == judge && class.is_none_or(|class| r.class == class);
+        let group: Vec<&Results> = results.iter().filter(in_group).collect();
         let name = class.map_or(name.to_owned(), |class| format!("{name}, {}", class.name()));
         Totals::new(&name, &group)
     };
@@ -58,14 +59,14 @@ fn overview_row(result: &Results) -> Vec<String> {
         result
             .first_solution_s
             .map_or(String::new(), |s| format!("{s:.0}")),
-        part(result.honest()),
+        fraction(result.honest()),
         result.wrong_and_sure().to_string(),
         worst
             .and_then(|row| row.rms_ratio)
             .map_or(String::new(), two_digits),
         worst.map_or(String::new(), |row| row.quantity.name.to_owned()),
         lost.unwrap_or_default(),
-        over.map_or(String::new(), |_| part(result.near_kalman())),
+        over.map_or(String::new(), |_| fraction(result.near_kalman())),
         over.map_or(String::new(), |(_, over)| two_digits(over)),
         over.map_or(String::new(), |(row, _)| row.quantity.name.to_owned()),
     ]);
@@ -78,7 +79,7 @@ pub fn totals_table(totals: &[Totals]) -> Table {
          | no solution | near Kalman | over Kalman | Kalman lost",
     );
     let row = |total: &Totals| {
-        let beside = |text: String| total.over_kalman.map_or(String::new(), |_| text);
+        let comparison = |text: String| total.over_kalman.map_or(String::new(), |_| text);
         vec![
             total.name.clone(),
             total.kinds.to_string(),
@@ -90,15 +91,15 @@ pub fn totals_table(totals: &[Totals]) -> Table {
             format!("{:.1}", 1000.0 * total.wrong_and_sure as f64 / total.sure),
             percent(total.never),
             percent(total.without_solution),
-            beside(part((total.near_kalman, total.compared))),
-            beside(total.over_kalman.map_or(String::new(), two_digits)),
-            beside(total.kalman_lost.to_string()),
+            comparison(fraction((total.near_kalman, total.compared))),
+            comparison(total.over_kalman.map_or(String::new(), two_digits)),
+            comparison(total.kalman_lost.to_string()),
         ]
     };
     Table::of("", header, totals.iter().map(row)).filled()
 }
 
-/// Where the core is worst beside the Kalman filter; `None` without one.
+/// Where the core is worst against the Kalman filter; `None` without one.
 pub fn worst_table(results: &[Results]) -> Option<Table> {
     let each = |result| Results::over_kalman(result).map(move |(row, over)| (result, row, over));
     let mut all: Vec<_> = results.iter().flat_map(each).collect();
@@ -111,9 +112,9 @@ pub fn worst_table(results: &[Results]) -> Option<Table> {
     let rows = all.iter().map(|(result, row, _)| {
         let mut cells = names(result).to_vec();
         cells.extend([row.quantity.name, row.quantity.unit].map(str::to_owned));
-        if let Some(beside) = &row.kalman {
-            cells.push(number(beside.core_rms_error));
-            cells.extend(beside_cells(beside));
+        if let Some(comparison) = &row.kalman {
+            cells.push(number(comparison.core_rms_error));
+            cells.extend(comparison_cells(comparison));
         }
         cells
     });
@@ -148,18 +149,18 @@ fn kind_row(row: &Row) -> Vec<String> {
         stated(percent(row.observable)),
         stated(row.wrong_and_sure.to_string()),
     ];
-    let beside = row.kalman.as_ref().map(beside_cells);
-    cells.extend(beside.unwrap_or_default());
+    let comparison = row.kalman.as_ref().map(comparison_cells);
+    cells.extend(comparison.unwrap_or_default());
     cells
 }
 
-/// RMS error of the Kalman filter, that over its sigma, the core's over it, and in how many runs.
-fn beside_cells(beside: &Beside) -> [String; 4] {
+/// RMS error of the Kalman filter, RMS of its error over sigma, ratio of the core to it, and number of runs.
+fn comparison_cells(comparison: &KalmanComparison) -> [String; 4] {
     [
-        number(beside.rms_error),
-        beside.rms_ratio.map_or(String::new(), two_digits),
-        two_digits(beside.over),
-        beside.runs.to_string(),
+        number(comparison.rms_error),
+        comparison.rms_ratio.map_or(String::new(), two_digits),
+        two_digits(comparison.over),
+        comparison.runs.to_string(),
     ]
 }
 
@@ -169,11 +170,11 @@ pub const HEADER: &str = "kind,class,use,quantity,unit,checks,rms_error,rms_sigm
                           compared_rms_error,kalman_rms_error,kalman_rms_error_over_sigma,\
                           over_kalman";
 
-/// Every kind and quantity, for programs.
+/// A row for each kind and quantity.
 pub fn csv(results: &[Results]) -> Result<String> {
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6e}"));
     let row = |result: &Results, row: &Row| {
-        let beside = row.kalman.as_ref();
+        let comparison = row.kalman.as_ref();
         let mut cells = names(result).to_vec();
         cells.extend([
             row.quantity.name.to_owned(),
@@ -184,11 +185,11 @@ pub fn csv(results: &[Results]) -> Result<String> {
             number(row.rms_ratio),
             number(Some(row.observable)),
             row.wrong_and_sure.to_string(),
-            beside.map_or(String::new(), |beside| beside.runs.to_string()),
-            number(beside.map(|beside| beside.core_rms_error)),
-            number(beside.map(|beside| beside.rms_error)),
-            number(beside.and_then(|beside| beside.rms_ratio)),
-            number(beside.map(|beside| beside.over)),
+            comparison.map_or(String::new(), |comparison| comparison.runs.to_string()),
+            number(comparison.map(|comparison| comparison.core_rms_error)),
+            number(comparison.map(|comparison| comparison.rms_error)),
+            number(comparison.and_then(|comparison| comparison.rms_ratio)),
+            number(comparison.map(|comparison| comparison.over)),
         ]);
         cells
     };
@@ -207,7 +208,7 @@ fn names(result: &Results) -> [String; 3] {
     [result.kind, result.class.name(), side].map(str::to_owned)
 }
 
-fn part((of, all): (usize, usize)) -> String {
+fn fraction((of, all): (usize, usize)) -> String {
     format!("{of}/{all}")
 }
 
@@ -215,8 +216,8 @@ fn two_digits(ratio: f64) -> String {
     format!("{ratio:.2}")
 }
 
-fn percent(part: f64) -> String {
-    format!("{:.0} %", 100.0 * part)
+fn percent(fraction: f64) -> String {
+    format!("{:.0} %", 100.0 * fraction)
 }
 
 /// Three digits.
@@ -229,7 +230,7 @@ mod tests {
     use super::number;
 
     #[test]
-    fn small_errors_are_not_shown_as_none() {
+    fn small_errors_are_not_rounded_to_zero() {
         let shown = [426.2, 41.73, 1.674, 0.0166, 4e-5].map(number);
         assert_eq!(shown, ["426", "41.7", "1.67", "0.0166", "0.0000400"]);
     }

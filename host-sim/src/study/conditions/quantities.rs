@@ -1,4 +1,4 @@
-//! What is looked at, in this order everywhere.
+//! The quantities, in this order everywhere.
 
 use core::f64::consts::PI;
 
@@ -20,7 +20,7 @@ const fn quantity(name: &'static str, unit: &'static str, si: f64) -> Quantity {
     Quantity { name, unit, si }
 }
 
-/// Places in [`QUANTITIES`].
+/// Indices into [`QUANTITIES`].
 pub(super) mod index {
     pub const HEADING: usize = 0;
     pub const TILT: usize = 1;
@@ -28,14 +28,14 @@ pub(super) mod index {
     pub const GYRO: usize = 5;
     pub const LATENCY: usize = 8;
     pub const LEVER: usize = 9;
-    /// Position, height, level and vertical velocity while fixes come.
+    /// Position, height, level and vertical velocity with GNSS.
     pub const AIDED: usize = 12;
     /// The same in outages, then tilt and heading.
     pub const COASTING: usize = 16;
 }
 
-/// At the end of a run, but for the last ten: those are root mean squares over its second half,
-/// while fixes come and in outages apart, level ones per axis. Axes are those of the unit.
+/// At the end of a run; the last ten are RMS over its second half, with GNSS and in outages separately,
+/// horizontal ones per axis. Axes are those of the unit.
 #[rustfmt::skip]
 pub const QUANTITIES: [Quantity; 22] = [
     quantity("heading", "deg", PI / 180.0),

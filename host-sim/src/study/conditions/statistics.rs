@@ -1,20 +1,20 @@
-//! What the runs of a kind say together, and all kinds.
+//! Statistics over the runs of a kind, and over all kinds.
 
 use serde::Serialize;
 
 use super::quantities::{QUANTITIES, index};
-use super::run::{Check, Run, Tried};
+use super::run::{Check, Run, TrialRuns};
 use super::{Kind, Quantity};
 use crate::log::Grade;
 use crate::statistics::{geometric_mean, median, rms_of_any};
 
-/// An error beyond so many of its own sigmas is wrong.
+/// An error of more than this many of its own sigmas is wrong.
 pub const WRONG_SIGMAS: f64 = 4.5;
-/// RMS of error over sigma of an honest quantity.
+/// Bounds of the RMS of error over sigma of a consistent ("honest") quantity.
 pub const HONEST: [f64; 2] = [0.7, 1.3];
-/// RMS error over that of the Kalman filter up to which the core counts as about as good.
+/// Ratio of the RMS error to that of the Kalman filter up to which the core counts as near it.
 pub const NEAR_KALMAN: f64 = 1.3;
-/// A Kalman filter beyond so many of its own sigmas has diverged.
+/// A Kalman filter with an error of more than this many of its own sigmas has diverged.
 pub const DIVERGED_SIGMAS: f64 = 10.0;
 
 /// A quantity over the runs of a kind, in its unit.
@@ -27,48 +27,47 @@ pub struct Row {
     pub rms_sigma: Option<f64>,
     /// Root mean square of error over sigma.
     pub rms_ratio: Option<f64>,
-    /// Part of the errors within one stated sigma.
+    /// Fraction of the errors within one stated sigma.
     pub within_one: f64,
     pub within_three: f64,
-    /// Part called observable.
+    /// Fraction stated as observable.
     pub observable: f64,
-    /// How often called observable and wrong.
+    /// How often stated as observable and wrong by `WRONG_SIGMAS`.
     pub wrong_and_sure: usize,
-    /// The Kalman filter's errors, if one was run.
-    pub kalman: Option<Beside>,
+    /// Comparison with the Kalman filter, if one was run.
+    pub kalman: Option<KalmanComparison>,
 }
 
-/// The Kalman filter beside the core, over the runs in which both have the quantity and the filter
-/// is not lost.
+/// Errors of core and Kalman filter over the runs in which both have the quantity and the filter is not
+/// lost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Beside {
+pub struct KalmanComparison {
     pub runs: usize,
-    /// Root mean square of the core's errors in these.
+    /// RMS error of the core in these.
     pub core_rms_error: f64,
-    /// Root mean square of the filter's.
+    /// RMS error of the filter.
     pub rms_error: f64,
-    /// Root mean square of the filter's error over its sigma: not about one where it lacks part
-    /// of the truth.
+    /// RMS of the filter's error over its sigma: not about one if its model is incomplete.
     pub rms_ratio: Option<f64>,
-    /// The core's over the filter's; zero where the core does not err at all, as in a latency
-    /// that may be anything between bounds.
+    /// RMS error of the core over the filter's; zero if the core has no error, as with a latency within its
+    /// bounds.
     pub over: f64,
 }
 
-impl Beside {
-    /// `None` where there are no two to compare.
-    fn new(quantity: usize, runs: &[&Tried]) -> Option<Self> {
+impl KalmanComparison {
+    /// `None` without a run to compare.
+    fn new(quantity: usize, runs: &[&TrialRuns]) -> Option<Self> {
         let both: Vec<[Vec<Check>; 2]> = runs
             .iter()
-            .filter_map(|tried| {
-                let compared = |run: &&Run| !run.is_unsolved() && !run.has_diverged();
-                let kalman = tried.kalman.as_ref().filter(compared)?;
-                let both = [&tried.core, kalman].map(|run| run.of(quantity));
+            .filter_map(|trial| {
+                let compared = |run: &&Run| !run.has_no_solution() && !run.has_diverged();
+                let kalman = trial.kalman.as_ref().filter(compared)?;
+                let both = [&trial.core, kalman].map(|run| run.of(quantity));
                 both.iter().all(|checks| !checks.is_empty()).then_some(both)
             })
             .collect();
-        let checks = |who: usize| both.iter().flat_map(move |both| &both[who]);
-        let errors = |who: usize| rms_of_any(checks(who).map(|check| check.error));
+        let checks = |method: usize| both.iter().flat_map(move |both| &both[method]);
+        let errors = |method: usize| rms_of_any(checks(method).map(|check| check.error));
         let (core_rms_error, rms_error) = (errors(0)?, errors(1)?);
         Some(Self {
             runs: both.len(),
@@ -90,28 +89,28 @@ impl Run {
         checks.filter(|check| check.quantity == quantity).collect()
     }
 
-    /// Most of these were never aligned.
-    fn is_unsolved(&self) -> bool {
+    /// At the end; most of these never aligned.
+    fn has_no_solution(&self) -> bool {
         self.of(index::HEADING).is_empty()
     }
 
-    /// An error is no number, or more than [`DIVERGED_SIGMAS`].
+    /// An error is NaN, or more than [`DIVERGED_SIGMAS`].
     fn has_diverged(&self) -> bool {
         let mut ratios = self.checks.iter().filter_map(ratio);
-        !self.is_unsolved() && !ratios.all(|ratio| ratio.abs() <= DIVERGED_SIGMAS)
+        !self.has_no_solution() && !ratios.all(|ratio| ratio.abs() <= DIVERGED_SIGMAS)
     }
 }
 
 impl Row {
-    /// `None` where nothing was claimed.
-    fn new(quantity: usize, runs: &[&Tried]) -> Option<Self> {
-        let checks = runs.iter().flat_map(|tried| tried.core.of(quantity));
+    /// `None` without estimates.
+    fn new(quantity: usize, runs: &[&TrialRuns]) -> Option<Self> {
+        let checks = runs.iter().flat_map(|trial| trial.core.of(quantity));
         let checks: Vec<Check> = checks.collect();
         let ratios: Vec<f64> = checks.iter().filter_map(ratio).collect();
-        let part = |count: usize, of: usize| count as f64 / of as f64;
+        let fraction = |count: usize, of: usize| count as f64 / of as f64;
         let within = |bound: f64| {
             let inside = ratios.iter().filter(|ratio| ratio.abs() <= bound);
-            part(inside.count(), ratios.len())
+            fraction(inside.count(), ratios.len())
         };
         Some(Self {
             quantity: QUANTITIES[quantity],
@@ -121,21 +120,21 @@ impl Row {
             rms_ratio: rms_of_any(ratios.iter().copied()),
             within_one: within(1.0),
             within_three: within(3.0),
-            observable: part(checks.iter().filter(|c| c.observable).count(), checks.len()),
+            observable: fraction(checks.iter().filter(|c| c.observable).count(), checks.len()),
             wrong_and_sure: checks.iter().filter(|check| wrong_and_sure(check)).count(),
-            kalman: Beside::new(quantity, runs),
+            kalman: KalmanComparison::new(quantity, runs),
         })
     }
 
-    /// Whether error over sigma is about one; what is never called observable may err less: it
-    /// stands where it was told to.
+    /// Whether the RMS of error over sigma is about one; less is allowed for a quantity that is never
+    /// observable: it stays at its prior.
     pub fn honest(&self) -> Option<bool> {
         let [least, most] = HONEST;
         let least = if self.observable > 0.0 { least } else { 0.0 };
         self.rms_ratio.map(|ratio| (least..=most).contains(&ratio))
     }
 
-    /// Claims called observable.
+    /// Estimates stated as observable.
     pub fn sure(&self) -> f64 {
         self.observable * self.checks as f64
     }
@@ -146,7 +145,7 @@ fn ratio(check: &Check) -> Option<f64> {
 }
 
 fn wrong_and_sure(check: &Check) -> bool {
-    // A sigma or an error that is no number is not within any bound.
+    // NaN is not within any bound.
     let right = ratio(check).is_none_or(|ratio| ratio.abs() <= WRONG_SIGMAS);
     check.observable && !right
 }
@@ -155,19 +154,19 @@ fn wrong_and_sure(check: &Check) -> bool {
 pub struct Results {
     pub kind: &'static str,
     pub what: &'static str,
-    /// Whether it judges; else it is there to develop on.
+    /// Whether it is a judge; else for development.
     pub judge: bool,
     pub class: Grade,
     pub runs: usize,
-    /// Part of the runs that never had a solution.
+    /// Fraction of the runs that never had a solution.
     pub never: f64,
-    /// Mean part of the second half without a solution.
+    /// Mean fraction of the second half without a solution.
     pub without_solution: f64,
     /// Median time of the first solution of those that had one, s.
     pub first_solution_s: Option<f64>,
-    /// Runs of the Kalman filter that cannot be compared, of those that it was run in, if any.
+    /// Runs of the Kalman filter that cannot be compared, if it was run.
     pub kalman_lost: Option<KalmanLost>,
-    /// Quantities that were claimed.
+    /// Quantities with estimates.
     pub rows: Vec<Row>,
 }
 
@@ -175,16 +174,16 @@ pub struct Results {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct KalmanLost {
     pub without_solution: usize,
-    /// With an error of more than `DIVERGED_SIGMAS`, or none that is a number.
+    /// With an error of more than `DIVERGED_SIGMAS`, or NaN.
     pub diverged: usize,
 }
 
 impl KalmanLost {
-    fn new(runs: &[&Tried]) -> Option<Self> {
-        let kalman = || runs.iter().filter_map(|tried| tried.kalman.as_ref());
+    fn new(runs: &[&TrialRuns]) -> Option<Self> {
+        let kalman = || runs.iter().filter_map(|trial| trial.kalman.as_ref());
         kalman().next()?;
         Some(Self {
-            without_solution: kalman().filter(|run| run.is_unsolved()).count(),
+            without_solution: kalman().filter(|run| run.has_no_solution()).count(),
             diverged: kalman().filter(|run| run.has_diverged()).count(),
         })
     }
@@ -196,9 +195,9 @@ impl KalmanLost {
 }
 
 impl Results {
-    pub fn new(kind: &Kind, class: Grade, runs: &[&Tried]) -> Self {
+    pub fn new(kind: &Kind, class: Grade, runs: &[&TrialRuns]) -> Self {
         let firsts: Vec<f64> = (runs.iter())
-            .filter_map(|tried| tried.core.first_solution_s)
+            .filter_map(|trial| trial.core.first_solution_s)
             .collect();
         let count = runs.len() as f64;
         Self {
@@ -217,14 +216,14 @@ impl Results {
         }
     }
 
-    /// The quantity whose error is the most of its sigma.
+    /// The quantity with the largest RMS of error over sigma.
     pub fn worst(&self) -> Option<&Row> {
         let stated = self.rows.iter().filter(|row| row.rms_ratio.is_some());
         let key = |row: &Row| row.rms_ratio.unwrap_or_default();
         stated.max_by(|a, b| f64::total_cmp(&key(a), &key(b)))
     }
 
-    /// How often anything was called observable and wrong.
+    /// How often any quantity is stated as observable and wrong.
     pub fn wrong_and_sure(&self) -> usize {
         self.rows.iter().map(|row| row.wrong_and_sure).sum()
     }
@@ -235,12 +234,12 @@ impl Results {
         (judged().filter(|honest| *honest).count(), judged().count())
     }
 
-    /// RMS error over that of the Kalman filter, of each quantity that can be compared in half of
-    /// the runs at least: a ratio of a few that the filter was not lost in says little.
+    /// RMS error over that of the Kalman filter, of each quantity that can be compared in at least half of
+    /// the runs: a ratio of few runs is uncertain.
     pub fn over_kalman(&self) -> impl Iterator<Item = (&Row, f64)> {
         let over = |row: &Row| {
-            let beside = row.kalman.as_ref()?;
-            (2 * beside.runs >= self.runs).then_some(beside.over)
+            let comparison = row.kalman.as_ref()?;
+            (2 * comparison.runs >= self.runs).then_some(comparison.over)
         };
         self.rows
             .iter()
@@ -262,32 +261,32 @@ pub struct Totals {
     pub name: String,
     /// Kinds, each class apart.
     pub kinds: usize,
-    /// Of them those with every quantity honest.
+    /// Of them those with all quantities honest.
     pub honest_kinds: usize,
     /// Quantities of all kinds.
     pub quantities: usize,
     /// Of them honest ones.
     pub honest_quantities: usize,
-    /// Claims called observable.
+    /// Estimates stated as observable.
     pub sure: f64,
-    /// Of them wrong ones.
+    /// Of them those that are wrong.
     pub wrong_and_sure: usize,
-    /// Mean part of the runs that never had a solution.
+    /// Mean fraction of the runs that never had a solution.
     pub never: f64,
-    /// Mean part of the second half without a solution.
+    /// Mean fraction of the second half without a solution.
     pub without_solution: f64,
     /// Quantities of all kinds that can be compared with the Kalman filter.
     pub compared: usize,
     /// Of them those whose RMS error is at most `NEAR_KALMAN` times the filter's.
     pub near_kalman: usize,
-    /// Geometric mean of RMS error over the filter's, where both err.
+    /// Geometric mean of RMS error over the filter's, where both are above zero.
     pub over_kalman: Option<f64>,
     /// Runs of the filter that cannot be compared.
     pub kalman_lost: usize,
 }
 
 impl Totals {
-    /// `None` of nothing.
+    /// `None` without results.
     pub fn new(name: &str, results: &[&Results]) -> Option<Self> {
         let count = results.len() as f64;
         let honest: Vec<(usize, usize)> = results.iter().map(|r| r.honest()).collect();
@@ -344,29 +343,30 @@ mod tests {
 
     #[test]
     fn runs_that_cannot_be_compared_are_counted_and_do_not_enter_the_ratio() {
-        let beside = |core: Run, kalman: Run| Tried {
+        let runs_of = |core: Run, kalman: Run| TrialRuns {
             core,
             kalman: Some(kalman),
         };
         let runs = [
-            beside(run(3.0, 1.0), run(-2.0, 1.0)),
-            beside(run(-3.0, 1.0), run(2.0, 1.0)),
-            beside(run(50.0, 1.0), run(11.0, 1.0)),
-            beside(run(60.0, 1.0), run(f64::NAN, 1.0)),
-            beside(run(70.0, 1.0), unaligned()),
-            beside(unaligned(), run(0.01, 1.0)),
+            runs_of(run(3.0, 1.0), run(-2.0, 1.0)),
+            runs_of(run(-3.0, 1.0), run(2.0, 1.0)),
+            runs_of(run(50.0, 1.0), run(11.0, 1.0)),
+            runs_of(run(60.0, 1.0), run(f64::NAN, 1.0)),
+            runs_of(run(70.0, 1.0), unaligned()),
+            runs_of(unaligned(), run(0.01, 1.0)),
         ];
         let kind = all().next().unwrap();
-        let of = |runs: &[Tried]| Results::new(kind, Grade::Mems, &runs.iter().collect::<Vec<_>>());
+        let of =
+            |runs: &[TrialRuns]| Results::new(kind, Grade::Mems, &runs.iter().collect::<Vec<_>>());
         let results = of(&runs);
         let lost = results.kalman_lost.unwrap();
         assert_eq!((lost.without_solution, lost.diverged), (1, 2));
-        let beside = results.rows[0].kalman.unwrap();
-        assert_eq!((beside.runs, beside.core_rms_error), (2, 3.0));
-        assert!((beside.over - 1.5).abs() < 1e-12);
-        // All of the core's own runs stay in its own figures.
+        let comparison = results.rows[0].kalman.unwrap();
+        assert_eq!((comparison.runs, comparison.core_rms_error), (2, 3.0));
+        assert!((comparison.over - 1.5).abs() < 1e-12);
+        // The core's own statistics include all of its runs.
         assert_eq!(results.rows[0].checks, 5);
-        // Two of six are too few for a ratio that counts; two of four are not.
+        // Two of six are too few for a ratio that counts; two of four are enough.
         assert_eq!(results.near_kalman(), (0, 0));
         let results = of(&runs[..4]);
         assert_eq!(results.near_kalman(), (0, 1));
@@ -377,8 +377,8 @@ mod tests {
     }
 
     #[test]
-    fn a_run_without_a_filter_hides_no_filter_that_was_lost() {
-        let with = |kalman: Option<Run>| Tried {
+    fn lost_runs_of_the_filter_are_counted_beside_runs_without_one() {
+        let with = |kalman: Option<Run>| TrialRuns {
             core: run(1.0, 1.0),
             kalman,
         };
@@ -393,20 +393,20 @@ mod tests {
     }
 
     #[test]
-    fn who_does_not_err_is_near_and_leaves_the_mean_alone() {
-        let over = |core: f64, kalman: f64| {
-            let tried = Tried {
+    fn zero_errors_count_as_near_and_do_not_enter_the_mean() {
+        let results = |core: f64, kalman: f64| {
+            let trial = TrialRuns {
                 core: run(core, 1.0),
                 kalman: Some(run(kalman, 1.0)),
             };
-            Results::new(all().next().unwrap(), Grade::Mems, &[&tried])
+            Results::new(all().next().unwrap(), Grade::Mems, &[&trial])
         };
         let each = [
-            over(0.0, 0.0),
-            over(0.0, 1.0),
-            over(1.0, 0.0),
-            over(3.0, 2.0),
-            over(f64::NAN, 1.0),
+            results(0.0, 0.0),
+            results(0.0, 1.0),
+            results(1.0, 0.0),
+            results(3.0, 2.0),
+            results(f64::NAN, 1.0),
         ];
         let near = each.each_ref().map(|results| results.near_kalman().0);
         assert_eq!(near, [1, 1, 0, 0, 0]);
@@ -416,8 +416,8 @@ mod tests {
     }
 
     #[test]
-    fn without_a_filter_nothing_is_said_of_one() {
-        let alone = Tried {
+    fn without_a_filter_there_is_no_comparison() {
+        let alone = TrialRuns {
             core: run(3.0, 1.0),
             kalman: None,
         };

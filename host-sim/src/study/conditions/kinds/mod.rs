@@ -1,63 +1,63 @@
-//! The kinds of conditions there are.
+//! Kinds of conditions.
 
 mod anything;
 pub mod develop;
 pub mod judge;
-mod shakes;
+mod vibration;
 
 use crate::log::Grade;
-use crate::study::conditions::world::World;
+use crate::study::conditions::scenario::Scenario;
 
 pub(super) const BOTH: &[Grade] = &[Grade::Mems, Grade::Hg1700];
 pub(super) const MEMS: &[Grade] = &[Grade::Mems];
 
-/// Conditions that one seed differs in by chance alone.
+/// Conditions that differ from seed to seed only by random draws.
 #[derive(Debug)]
 pub struct Kind {
     pub name: &'static str,
     pub what: &'static str,
-    /// Classes of sensors it is tried with.
+    /// Classes of sensors it is run with.
     pub classes: &'static [Grade],
-    /// Whether it judges; else it is there to develop on.
+    /// Whether it is a judge; else for development.
     pub judge: bool,
     pub minutes: f64,
-    /// What makes it out of a plain world.
-    pub(super) make: fn(&mut World),
+    /// Makes it from a plain scenario.
+    pub(super) modify: fn(&mut Scenario),
 }
 
 impl Kind {
-    pub fn world(&self, class: Grade, seed: u64) -> World {
-        let mut world = World::plain(class, seed, self.minutes, self.name);
-        (self.make)(&mut world);
-        world
+    pub fn scenario(&self, class: Grade, seed: u64) -> Scenario {
+        let mut scenario = Scenario::plain(class, seed, self.minutes, self.name);
+        (self.modify)(&mut scenario);
+        scenario
     }
 }
 
-/// Kinds, each with its name, classes, minutes, what it is and what makes it out of a plain world.
+/// Kinds, each with its name, classes, minutes, description and modification of a plain scenario.
 macro_rules! kinds {
     (judge: $judge:literal,
-     $($name:literal, $classes:expr, $minutes:literal, $what:literal => $make:expr;)*) => {
+     $($name:literal, $classes:expr, $minutes:literal, $what:literal => $modify:expr;)*) => {
         pub static KINDS: &[Kind] = &[$(Kind {
             name: $name,
             what: $what,
             classes: $classes,
             judge: $judge,
             minutes: $minutes,
-            make: $make,
+            modify: $modify,
         }),*];
     };
 }
 pub(super) use kinds;
 
-/// Two kinds of a class at once, of all but the last two, which are drawn: what both change is as the second
-/// has it.
-pub(super) fn in_company(world: &mut World, kinds: &[Kind]) {
+/// Two random kinds of a class combined, of all but the last two, which are random themselves; the second
+/// overrides the first.
+pub(super) fn combined(scenario: &mut Scenario, kinds: &[Kind]) {
     let others = kinds.iter().take(kinds.len() - 2);
     let of_class: Vec<_> = others
-        .filter(|kind| kind.classes.contains(&world.class))
+        .filter(|kind| kind.classes.contains(&scenario.class))
         .collect();
     for _ in 0..2 {
-        let kind = *world.random.one_of(&of_class);
-        (kind.make)(world);
+        let kind = *scenario.random.one_of(&of_class);
+        (kind.modify)(scenario);
     }
 }

@@ -1,4 +1,4 @@
-//! What one run is made of. A kind changes a plain world.
+//! The scenario of one run. A kind modifies a plain scenario.
 
 use core::f64::consts::PI;
 
@@ -15,32 +15,32 @@ use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong}
 use crate::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
 use crate::sim::{Motion, SimulatedDrive, record};
 
-/// How far positions wander, m, and in what time, s: those of recorded receivers without corrections do so, by
-/// half a metre to some metres over a minute to some minutes (`study logs`), whatever is white on top.
+/// Sigma of the correlated noise of positions, m, and its correlation time, s: as of recorded receivers without
+/// corrections, half a metre to some metres over a minute to some minutes (`study logs`).
 const WANDER_M: [f64; 2] = [0.5, 2.0];
 const WANDER_S: [f64; 2] = [30.0, 300.0];
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Vehicle {
-    /// A car that leans so many times as far as a family car; it begins at rest for a time
-    /// between the bounds, s, or in motion.
+    /// A car that leans `lean` times as far as a family car; it begins at rest for a time between the
+    /// bounds, s, or in motion.
     Car { rest_s: Option<[f64; 2]>, lean: f64 },
-    /// A family car on a motorway, from the bend of its ramp on.
+    /// A family car on a motorway, beginning in the bend of its ramp.
     Motorway,
-    /// What goes straight and turns, on wheels or wings.
-    OnWay(RouteBounds),
-    /// A boat at anchor that sails then.
+    /// A vehicle on a route of straights and turns, on wheels or wings.
+    OnRoute(RouteBounds),
+    /// A boat at anchor that then sails.
     Boat(Anchored),
     /// An aircraft whose turns are banked between two angles, rad.
     Plane { bank_rad: [f64; 2], begin: Begin },
-    /// A quadrotor that stands for a time first, s, or flies from the start.
+    /// A quadrotor that is on the ground for a time first, s, or flies from the start.
     Quadrotor { ground_s: Option<f64> },
-    /// A person who stands for a time first, s.
+    /// A person who stands still for a time first, s.
     Walker { rest_s: f64 },
 }
 
 impl Vehicle {
-    /// A family car that is under way when it begins.
+    /// A family car that begins in motion.
     pub const MOVING_CAR: Self = Self::Car {
         rest_s: None,
         lean: 1.0,
@@ -49,32 +49,32 @@ impl Vehicle {
 
 /// One run's vehicle, mount, unit and receiver.
 #[derive(Clone, Debug)]
-pub struct World {
+pub struct Scenario {
     pub seed: u64,
     pub class: Grade,
     pub minutes: f64,
     pub imu_hz: f64,
     pub origin: Geodetic,
     pub vehicle: Vehicle,
-    /// What swings on top.
-    pub shakes: Vec<(Envelope, Vec<Harmonic>)>,
+    /// Superposed vibration and slow oscillation.
+    pub vibration: Vec<(Envelope, Vec<Harmonic>)>,
     /// From the axes of the unit to those of the vehicle.
     pub mount: UnitQuaternion<f64>,
-    /// Whether that slips; the antenna is on the unit then.
+    /// Change of the mount during the run; requires the antenna to be on the unit.
     pub slip: Option<Slip>,
     /// Antenna from the unit in the axes of the vehicle, right, forward, up, m.
     pub antenna_m: Vector3<f64>,
     pub errors: ErrorModel,
-    /// What a kind draws from.
+    /// Random numbers of the kind.
     pub random: Random,
 }
 
-impl World {
+impl Scenario {
     /// A car with 30 to 60 s of rest first and a plain receiver, unit level, antenna on it.
     pub fn plain(class: Grade, seed: u64, minutes: f64, kind: &str) -> Self {
         let mut random = Random::stream(seed, kind);
-        let mut world = Self {
-            // Kinds that share units and ways would be right or wrong together.
+        let mut scenario = Self {
+            // Kinds with the same units and routes would not be independent.
             seed: random.whole(),
             class,
             minutes,
@@ -88,18 +88,18 @@ impl World {
                 rest_s: Some([30.0, 60.0]),
                 lean: 1.0,
             },
-            shakes: Vec::new(),
+            vibration: Vec::new(),
             mount: UnitQuaternion::identity(),
             slip: None,
             antenna_m: Vector3::zeros(),
             errors: class.errors(),
             random,
         };
-        world.habits().stated = Stated::White;
-        // Of its own: whatever else a kind draws stays as it is.
+        scenario.habits().stated = Stated::White;
+        // A stream of its own leaves the other draws of a kind unchanged.
         let mut wander = Random::stream(seed, &format!("{kind} wander"));
-        world.wander(wander.log_uniform(WANDER_M), wander.log_uniform(WANDER_S));
-        world
+        scenario.wander(wander.log_uniform(WANDER_M), wander.log_uniform(WANDER_S));
+        scenario
     }
 
     pub fn duration_s(&self) -> f64 {
@@ -114,9 +114,9 @@ impl World {
     pub fn simulate(&self) -> SimulatedDrive {
         let mut errors = self.errors.clone();
         errors.gnss.habits.lever_arm_m = self.lever_arm_m().into();
-        // Where the unit looks up or down there is no heading to give.
-        let ahead = self.mount * Vector3::y();
-        if ahead.z.abs() > 0.7 {
+        // With the unit pointing up or down, heading is undefined.
+        let forward = self.mount * Vector3::y();
+        if forward.z.abs() > 0.7 {
             errors.given_heading_sigma_deg = None;
         }
         let recording = Recording {
@@ -137,7 +137,7 @@ impl World {
                 Box::new(Car::new(seed, duration_s, rest_s).leaning(lean))
             }
             Vehicle::Motorway => Box::new(Car::on_motorway(seed, duration_s)),
-            Vehicle::OnWay(way) => Box::new(Car::on_route(seed, duration_s, &way)),
+            Vehicle::OnRoute(route) => Box::new(Car::on_route(seed, duration_s, &route)),
             Vehicle::Boat(anchored) => Box::new(Boat::new(seed, duration_s, anchored)),
             Vehicle::Plane { bank_rad, begin } => {
                 Box::new(Plane::new(seed, duration_s, bank_rad, begin))
@@ -145,25 +145,25 @@ impl World {
             Vehicle::Quadrotor { ground_s } => Box::new(Quadrotor::new(seed, duration_s, ground_s)),
             Vehicle::Walker { rest_s } => Box::new(Walker::new(seed, duration_s, rest_s)),
         };
-        for (when, swings) in &self.shakes {
-            motion = Box::new(Oscillating::new(motion, swings, *when, seed));
+        for (envelope, harmonics) in &self.vibration {
+            motion = Box::new(Oscillating::new(motion, harmonics, *envelope, seed));
         }
         Box::new(Mounted::new(motion, self.mount).slipping(self.slip))
     }
 
-    // --- what kinds are made of ---
+    // --- building blocks of kinds ---
 
     pub fn habits(&mut self) -> &mut Habits {
         &mut self.errors.gnss.habits
     }
 
-    /// Fixes a second, and the noise of their velocities and positions.
+    /// Rate of fixes, and the noise of their velocities and positions.
     pub fn receiver(&mut self, rate_hz: f64, velocity: [f64; 3], position: [f64; 3]) {
         self.errors.gnss.rate_hz = rate_hz;
         self.noise(velocity, position);
     }
 
-    /// Of velocity and position: white, and correlated over a time.
+    /// Noise of velocity and position: white sigma, correlated sigma, correlation time.
     pub fn noise(&mut self, velocity: [f64; 3], position: [f64; 3]) {
         self.velocity_noise(velocity);
         self.position_noise(position);
@@ -174,7 +174,7 @@ impl World {
         self.habits().velocity = Correlated { sigma, time_s };
     }
 
-    /// That of height is half as large again.
+    /// The noise of height is 1.5 times as large.
     pub fn position_noise(&mut self, [white_m, sigma, time_s]: [f64; 3]) {
         self.errors.gnss.horizontal_sigma_m = white_m;
         self.errors.gnss.vertical_sigma_m = 1.5 * white_m;
@@ -186,7 +186,7 @@ impl World {
         self.wander(0.0, 1.0);
     }
 
-    /// Its correlated part alone.
+    /// The correlated part of position noise only.
     fn wander(&mut self, sigma: f64, time_s: f64) {
         self.habits().horizontal = Correlated { sigma, time_s };
         self.habits().vertical = Correlated {
@@ -195,47 +195,47 @@ impl World {
         };
     }
 
-    /// A unit turned by an angle between two, deg, about any axis.
+    /// Mounts the unit rotated about a random axis, by an angle within bounds, deg.
     pub fn tilt_mount(&mut self, degrees: [f64; 2]) {
-        self.mount = UnitQuaternion::from_scaled_axis(self.any_turn(degrees));
+        self.mount = UnitQuaternion::from_scaled_axis(self.random_rotation(degrees));
     }
 
-    /// A turn by an angle between two, deg, about any axis, rad.
-    fn any_turn(&mut self, degrees: [f64; 2]) -> Vector3<f64> {
+    /// Rotation vector, rad, with a random axis and an angle within bounds, deg.
+    fn random_rotation(&mut self, degrees: [f64; 2]) -> Vector3<f64> {
         let axis = Unit::new_normalize(Vector3::from(self.random.normal3()));
         axis.into_inner() * self.random.uniform(degrees).to_radians()
     }
 
-    /// A unit that turns by an angle between two, deg, about any axis, somewhere in the third quarter
-    /// of the run; `seen` by its sensors or not.
-    pub fn slip(&mut self, degrees: [f64; 2], duration_s: f64, seen: bool) {
+    /// The mount slips about a random axis, by an angle within bounds, deg, in the third quarter of the run;
+    /// `sampled` or in a gap of the inertial samples.
+    pub fn slip(&mut self, degrees: [f64; 2], duration_s: f64, sampled: bool) {
         let start_s = self.random.uniform([0.5, 0.65]) * self.duration_s();
         self.slip = Some(Slip {
             start_s,
             duration_s,
-            turn_rad: self.any_turn(degrees),
+            turn_rad: self.random_rotation(degrees),
         });
-        if !seen {
-            self.hole(start_s, duration_s);
+        if !sampled {
+            self.imu_gap(start_s, duration_s);
         }
     }
 
-    /// No inertial samples for so long.
-    pub fn hole(&mut self, start_s: f64, duration_s: f64) {
+    /// A gap in the inertial samples.
+    pub fn imu_gap(&mut self, start_s: f64, duration_s: f64) {
         self.errors.imu.holes.push(Outage {
             start_s,
             duration_s,
         });
     }
 
-    /// A fixed wing that banks by this much, least and most, with so many fixes a second.
+    /// A fixed-wing aircraft with bounds of its bank angle, and the rate of fixes.
     pub fn fixed_wing(&mut self, bank_deg: [f64; 2], begin: Begin, rate_hz: f64) {
         let bank_rad = bank_deg.map(f64::to_radians);
         self.vehicle = Vehicle::Plane { bank_rad, begin };
         self.errors.gnss.rate_hz = rate_hz;
     }
 
-    /// A boat that swings at anchor so fast, deg/s, and then sails.
+    /// A boat that yaws at anchor, with a peak rate in deg/s, and then sails.
     pub fn boat(&mut self, until_s: f64, period_s: f64, peak_deg_s: f64) {
         let peak_radps = peak_deg_s.to_radians();
         self.vehicle = Vehicle::Boat(Anchored {
@@ -245,20 +245,20 @@ impl World {
         });
     }
 
-    /// Axes of gyros and accelerometers off by so much, rad.
+    /// Misalignment of gyros and accelerometers, one sigma, rad.
     pub fn misaligned(&mut self, sigma_rad: f64) {
         self.errors.gyro_deg_h.misalignment_sigma = sigma_rad;
         self.errors.accel_mps2.misalignment_sigma = sigma_rad;
     }
 
-    /// An antenna anywhere within so many metres, right, forward, up.
+    /// Random position of the antenna within bounds, right, forward, up, m.
     pub fn antenna_within(&mut self, reach_m: [f64; 3]) {
-        let place = reach_m.map(|reach| self.random.uniform([-reach, reach]));
-        self.antenna_m = place.into();
+        let position = reach_m.map(|reach| self.random.uniform([-reach, reach]));
+        self.antenna_m = position.into();
     }
 
-    /// Times from `from_s` on, `gap_s` apart or up to twice that.
-    pub fn times(&mut self, from_s: f64, gap_s: f64) -> Vec<f64> {
+    /// Random times from `from_s` on, at intervals of one to two `gap_s`.
+    pub fn random_times(&mut self, from_s: f64, gap_s: f64) -> Vec<f64> {
         let mut times = Vec::new();
         let mut now_s = from_s + self.random.uniform([0.0, gap_s]);
         while now_s < self.duration_s() {
@@ -268,13 +268,13 @@ impl World {
         times
     }
 
-    /// A car that leans so many times as far as a family car, after a rest.
+    /// A car that leans `lean` times as far as a family car, after a rest.
     pub fn leaning(&mut self, lean: f64) {
         let rest_s = Some([30.0, 60.0]);
         self.vehicle = Vehicle::Car { rest_s, lean };
     }
 
-    /// So many of the fixes are off by so much, each by itself.
+    /// Independent outliers: their fraction, and one sigma of their errors.
     pub fn outliers(&mut self, fraction: f64, velocity_mps: f64, position_m: f64) {
         self.habits().outliers = Outliers {
             fraction,
@@ -283,27 +283,26 @@ impl World {
         };
     }
 
-    /// The same trouble from `from_s` on, `gap_s` apart or up to twice that, each for a time between
-    /// two.
-    pub fn troubles(&mut self, from_s: f64, gap_s: f64, duration_s: [f64; 2], wrong: Wrong) {
-        for start_s in self.times(from_s, gap_s) {
+    /// The same fault at random times from `from_s` on, with random durations within bounds.
+    pub fn random_faults(&mut self, from_s: f64, gap_s: f64, duration_s: [f64; 2], wrong: Wrong) {
+        for start_s in self.random_times(from_s, gap_s) {
             let duration_s = self.random.uniform(duration_s);
-            self.trouble(&[start_s], duration_s, wrong);
+            self.faults(&[start_s], duration_s, wrong);
         }
     }
 
-    /// Ambiguities are not fixed, `gap_s` apart or up to twice that, each for a time between two:
-    /// positions are off by so much then.
-    pub fn floats(&mut self, gap_s: f64, off_m: f64, duration_s: [f64; 2]) {
-        for start_s in self.times(60.0, gap_s) {
+    /// Float ambiguities at random times, with random durations within bounds: positions then have an
+    /// offset of `off_m`.
+    pub fn float_ambiguities(&mut self, gap_s: f64, off_m: f64, duration_s: [f64; 2]) {
+        for start_s in self.random_times(60.0, gap_s) {
             let duration_s = self.random.uniform(duration_s);
-            let wrong = Wrong::Float(self.anywhere(off_m));
-            self.trouble(&[start_s], duration_s, wrong);
+            let wrong = Wrong::Float(self.horizontal_vector(off_m));
+            self.faults(&[start_s], duration_s, wrong);
         }
     }
 
-    /// The same trouble at each of the times.
-    pub fn trouble(&mut self, times: &[f64], duration_s: f64, wrong: Wrong) {
+    /// The same fault at each of the times.
+    pub fn faults(&mut self, times: &[f64], duration_s: f64, wrong: Wrong) {
         let troubles = times.iter().map(|start_s| Trouble {
             start_s: *start_s,
             duration_s,
@@ -312,7 +311,7 @@ impl World {
         self.habits().troubles.extend(troubles);
     }
 
-    /// No fixes for so long at each of the times.
+    /// An outage of GNSS at each of the times.
     pub fn outages(&mut self, times: &[f64], duration_s: f64) {
         let outages = times.iter().map(|start_s| Outage {
             start_s: *start_s,
@@ -321,8 +320,8 @@ impl World {
         self.errors.gnss.outages.extend(outages);
     }
 
-    /// Any level direction times a length.
-    pub fn anywhere(&mut self, length: f64) -> [f64; 3] {
+    /// Horizontal vector of random direction.
+    pub fn horizontal_vector(&mut self, length: f64) -> [f64; 3] {
         let (sin, cos) = libm::sincos(PI * self.random.uniform([-1.0, 1.0]));
         [length * sin, length * cos, 0.0]
     }

@@ -1,4 +1,4 @@
-//! Who is driven over simulated logs. All that studies know of the core's interface stands here.
+//! The estimators that studies run over simulated logs. All use of the core's interface by studies is here.
 
 use core::iter::Peekable;
 use core::slice::Iter;
@@ -17,16 +17,16 @@ use crate::log::{GRAVITY_MPS2, Grade};
 use crate::sim::SimulatedDrive;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Claim {
+pub struct Parameter {
     /// Value, SI.
     pub value: f64,
     pub sigma: Option<f64>,
     pub observable: bool,
 }
 
-impl Claim {
-    /// Something that is said to stand on data.
-    pub fn sure(value: f64, sigma: Option<f64>) -> Self {
+impl Parameter {
+    /// Of a quantity that is always observable.
+    pub fn observed(value: f64, sigma: Option<f64>) -> Self {
         Self {
             value,
             sigma,
@@ -35,47 +35,47 @@ impl Claim {
     }
 }
 
-/// All that is claimed at one time, body axes of the unit.
+/// Parameters and their sigmas at one time, body axes of the unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Claims {
-    /// Spread of the solution's heading.
-    pub heading: Claim,
-    pub accel_bias_mps2: [Claim; 3],
-    /// Where up is at the attitude that those are said to be of.
+pub struct Parameters {
+    /// Its sigma is that of the solution's heading.
+    pub heading: Parameter,
+    pub accel_bias_mps2: [Parameter; 3],
+    /// Up direction at the attitude that the accelerometer biases refer to.
     pub up: Vector3<f64>,
-    pub gyro_bias_radps: [Claim; 3],
-    pub latency_s: Claim,
-    pub lever_arm_m: [Option<Claim>; 3],
+    pub gyro_bias_radps: [Parameter; 3],
+    pub latency_s: Parameter,
+    pub lever_arm_m: [Option<Parameter>; 3],
 }
 
-/// Somebody who is driven over a simulated log.
-pub trait Subject {
-    /// Takes one inertial sample and what has arrived by then; its stamp, or `None` at the end.
+/// An estimator that is run over a simulated log.
+pub trait Estimator {
+    /// Processes one inertial sample and the fixes that have arrived by then; its stamp, or `None` at the end.
     fn step(&mut self) -> Option<Time>;
     fn solution(&self) -> Option<Solution>;
-    /// How well it is said to be known.
+    /// Sigma of the solution.
     fn sigma(&self) -> Option<SolutionSigma>;
-    /// What is claimed now; none without a solution.
-    fn claims(&self) -> Option<Claims>;
+    /// Current estimates; `None` without a solution.
+    fn parameters(&self) -> Option<Parameters>;
 }
 
-/// Drives on to the end of the samples; `look` sees every truth with the sample at its time or, where
-/// that is missing, the next.
-pub fn drive<S: Subject>(
-    subject: &mut S,
+/// Runs to the end of the samples; `observe` gets every truth with the sample at its time or, if that is
+/// missing, the next.
+pub fn run<S: Estimator>(
+    estimator: &mut S,
     truths: &[Solution],
-    mut look: impl FnMut(&S, Time, &Solution),
+    mut observe: impl FnMut(&S, Time, &Solution),
 ) {
     let mut truths = truths.iter().peekable();
-    while let Some(time) = subject.step() {
+    while let Some(time) = estimator.step() {
         while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
-            look(subject, time, truth);
+            observe(estimator, time, truth);
         }
     }
 }
 
-/// The configuration that fits a class of simulated sensors: its preset, and what a data sheet of
-/// such a unit says of noise and axes.
+/// Configuration for a class of simulated sensors: its preset, with the noise and misalignments of a data
+/// sheet.
 pub fn config_of(grade: Grade) -> Config {
     let errors = grade.errors();
     let (gyros, accels) = (&errors.gyro_deg_h, &errors.accel_mps2);
@@ -106,7 +106,7 @@ impl<'a> Core<'a> {
     }
 }
 
-impl Subject for Core<'_> {
+impl Estimator for Core<'_> {
     fn step(&mut self) -> Option<Time> {
         let sample = self.samples.next()?;
         while let Some((fix, _)) = self.fixes.next_if(|(_, arrival)| **arrival < sample.time) {
@@ -129,23 +129,23 @@ impl Subject for Core<'_> {
         self.navigator.sigma()
     }
 
-    fn claims(&self) -> Option<Claims> {
+    fn parameters(&self) -> Option<Parameters> {
         self.solution()?;
         let navigator = &self.navigator;
         let estimates = navigator.estimates();
-        let mut claims = claims(&estimates, estimates.level_force_mps2.normalize());
+        let mut parameters = parameters(&estimates, estimates.level_force_mps2.normalize());
         if let Some(sigma) = navigator.sigma() {
-            claims.heading.sigma = Some(sigma.attitude_rad.z);
+            parameters.heading.sigma = Some(sigma.attitude_rad.z);
         }
         if navigator.config().gnss.lever_arm_sigma_m == 0.0 {
-            // Told to be close, not found.
-            claims.lever_arm_m = [None; 3];
+            // Configured, not estimated.
+            parameters.lever_arm_m = [None; 3];
         }
-        Some(claims)
+        Some(parameters)
     }
 }
 
-/// The Kalman filter, told the true noise, given the same measurements.
+/// The Kalman filter, configured with the true noise, on the same measurements.
 #[derive(Debug)]
 pub struct Kalman<'a> {
     pub run: kalman::Run<'a>,
@@ -153,7 +153,7 @@ pub struct Kalman<'a> {
 }
 
 impl<'a> Kalman<'a> {
-    /// Before the first sample; `up` is where the vehicle has it on the whole.
+    /// Before the first sample; `up` is its mean direction in the axes of the unit.
     pub fn new(
         imu: &'a [ImuSample],
         fixes: &'a [GnssFix],
@@ -167,9 +167,9 @@ impl<'a> Kalman<'a> {
         })
     }
 
-    /// The bias that an accelerometer is felt to have, which this filter tells apart: see
-    /// [`super::conditions`].
-    fn felt(&self, filter: &Filter, axis: usize) -> Claim {
+    /// Bias and scale error of an accelerometer, which this filter separates, as one apparent bias: see
+    /// `truth.rs` of [`super::conditions`].
+    fn apparent_accel_bias(&self, filter: &Filter, axis: usize) -> Parameter {
         let (known, up) = (&filter.nominal, &self.up);
         let mut row = kalman::States::zeros(filter.layout.size);
         row[index::ACCEL + axis] = 1.0;
@@ -177,14 +177,14 @@ impl<'a> Kalman<'a> {
             row[at + axis] = GRAVITY_MPS2 * up[axis];
         }
         let variance = row.dot(&(&filter.covariance * &row));
-        Claim::sure(
+        Parameter::observed(
             known.accel_bias_mps2[axis] + GRAVITY_MPS2 * known.accel_scale[axis] * up[axis],
             Some(variance.max(0.0).sqrt()),
         )
     }
 }
 
-impl Subject for Kalman<'_> {
+impl Estimator for Kalman<'_> {
     fn step(&mut self) -> Option<Time> {
         self.run.step(&mut |_, _| {})
     }
@@ -203,36 +203,39 @@ impl Subject for Kalman<'_> {
         })
     }
 
-    fn claims(&self) -> Option<Claims> {
+    fn parameters(&self) -> Option<Parameters> {
         let filter = self.run.filter()?;
         let sigmas = filter.sigmas();
-        let mut claims = claims(&filter.estimates(), self.up);
-        claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
-        claims.lever_arm_m = [0, 1, 2].map(|axis| {
+        let mut parameters = parameters(&filter.estimates(), self.up);
+        parameters.accel_bias_mps2 = [0, 1, 2].map(|axis| self.apparent_accel_bias(filter, axis));
+        parameters.lever_arm_m = [0, 1, 2].map(|axis| {
             let arm_m = filter.nominal.lever_arm_m[axis];
             let sigma = |at| sigmas[at + axis];
-            (filter.layout.lever_arm).map(|at| Claim::sure(arm_m, Some(sigma(at))))
+            (filter.layout.lever_arm).map(|at| Parameter::observed(arm_m, Some(sigma(at))))
         });
-        Some(claims)
+        Some(parameters)
     }
 }
 
-fn claim(estimate: &Estimate) -> Claim {
-    Claim {
+fn parameter(estimate: &Estimate) -> Parameter {
+    Parameter {
         value: estimate.value,
         sigma: Some(estimate.sigma),
         observable: known(estimate),
     }
 }
 
-/// The heading is that of the solution, which has all in it that is known.
-fn claims(estimates: &Estimates, up: Vector3<f64>) -> Claims {
-    Claims {
-        heading: claim(&estimates.azimuth_error_rad),
-        accel_bias_mps2: estimates.accel_bias_mps2.each_ref().map(claim),
+/// The solution already contains the estimate of its heading error.
+fn parameters(estimates: &Estimates, up: Vector3<f64>) -> Parameters {
+    Parameters {
+        heading: parameter(&estimates.azimuth_error_rad),
+        accel_bias_mps2: estimates.accel_bias_mps2.each_ref().map(parameter),
         up,
-        gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(claim),
-        latency_s: claim(&estimates.gnss_latency_now_s),
-        lever_arm_m: estimates.lever_arm_m.each_ref().map(|arm| Some(claim(arm))),
+        gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(parameter),
+        latency_s: parameter(&estimates.gnss_latency_now_s),
+        lever_arm_m: estimates
+            .lever_arm_m
+            .each_ref()
+            .map(|arm| Some(parameter(arm))),
     }
 }
