@@ -1,7 +1,6 @@
-//! The study `plan-drive`: what was foretold of a drive against what drives of it reach.
+//! The study `plan-drive`: sigmas predicted for a plan against the errors of simulated drives of it.
 //!
-//! Each drive has errors, noise, heading and a driver of its own, who does what the plan says as
-//! people do, some per cent off.
+//! Each drive has its own errors, noise and heading, and a driver who follows the plan to some per cent.
 
 use std::path::{Path, PathBuf};
 
@@ -19,10 +18,10 @@ use crate::page::table::{Table, heads, markdown, side_by_side};
 use crate::plan_drive::{DrivenUnit, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
 use crate::statistics::rms;
 
-/// Goal: predicted over reached.
+/// Goal of the ratio predicted over reached.
 const GOAL: [f64; 2] = [0.8, 1.25];
 
-/// Drives of each plan, and the seed of the first, unless told.
+/// Defaults: drives of each plan, and the seed of the first.
 const RUNS: u64 = 100;
 const FIRST_SEED: u64 = 1;
 
@@ -60,7 +59,7 @@ pub struct Options {
     first_seed: u64,
 }
 
-/// The plan for one target, and what its drives reach.
+/// The plan for one target, and the results of its drives.
 #[derive(Debug, Serialize)]
 pub struct Results {
     target: String,
@@ -83,7 +82,7 @@ struct Row {
     stated: f64,
     /// RMS of the errors.
     reached: f64,
-    /// Predicted over reached; none where the plan does not show it.
+    /// Predicted over reached; none if the plan does not make it observable.
     ratio: Option<f64>,
 }
 
@@ -94,7 +93,7 @@ impl Row {
     }
 }
 
-/// Predicted over reached of the targets that are always tried, for the documentation.
+/// Predicted over reached of the built-in targets, for the documentation.
 pub fn page() -> Result<String> {
     let all = compared(&Options {
         target: Vec::new(),
@@ -148,24 +147,24 @@ fn results(
     options: &Options,
     progress: &ProgressBar,
 ) -> Result<Results> {
-    // Of units that are not among those that drive.
+    // With other seeds than those of the drives.
     let plan = target.plan(options.first_seed.wrapping_sub(UNITS), &spinner("planning"))?;
     let seeds = options.first_seed..options.first_seed.saturating_add(options.runs);
     let tried = (seeds.into_par_iter())
-        .map(counted(progress, |seed| driven(target, &plan, seed)))
+        .map(counted(progress, |seed| end_errors(target, &plan, seed)))
         .collect::<Result<Vec<_>>>()?;
     let runs = tried.len();
     let solved: Vec<Vec<[f64; 2]>> = tried.into_iter().flatten().collect();
     let row = |(which, goal): (usize, &Goal)| {
         let rms_of = |part: usize| rms(solved.iter().map(|run| run[which][part]));
-        let foretold = goal.reached(navigators(&plan.end), target.unit.body_axes);
+        let predicted = goal.reached(navigators(&plan.end), target.unit.body_axes);
         let (reached, stated) = (rms_of(0), rms_of(1));
         Row {
-            ratio: foretold.observable.then(|| foretold.sigma / reached),
-            quantity: foretold.quantity,
-            unit: foretold.unit,
-            target: foretold.target,
-            predicted: foretold.sigma,
+            ratio: predicted.observable.then(|| predicted.sigma / reached),
+            quantity: predicted.quantity,
+            unit: predicted.unit,
+            target: predicted.target,
+            predicted: predicted.sigma,
             stated,
             reached,
         }
@@ -181,53 +180,53 @@ fn results(
 }
 
 /// Error and stated sigma of every goal after a drive of the plan; none without a solution.
-fn driven(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]>>> {
+fn end_errors(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]>>> {
     let model = target.error_model()?;
     let config = target.config(&model)?;
-    let mut bench = DrivenUnit::switched_on(target, &model, config, seed, Driver::human(seed))?;
+    let mut unit = DrivenUnit::switched_on(target, &model, config, seed, Driver::human(seed))?;
     for stage in &plan.stages {
         for _ in 0..stage.times {
-            bench.drive(stage.manoeuvre, &target.site);
+            unit.drive(stage.manoeuvre, &target.site);
         }
     }
-    let Some(solution) = bench.navigator.solution().filter(|_| !bench.is_aligning()) else {
+    let Some(solution) = unit.navigator.solution().filter(|_| !unit.is_aligning()) else {
         return Ok(None);
     };
-    let estimates = bench.navigator.estimates();
-    let truth = true_values(&bench, target, &estimates, &solution);
+    let estimates = unit.navigator.estimates();
+    let truth = true_values(&unit, target, &estimates, &solution);
     let axes = target.unit.body_axes;
-    let check = |goal: &Goal| {
+    let error_and_sigma = |goal: &Goal| {
         let known = goal.quantity.known(&estimates, axes);
         [
             known.value - goal.quantity.known(&truth, axes).value,
             known.sigma,
         ]
     };
-    Ok(Some(target.goals.iter().map(check).collect()))
+    Ok(Some(target.goals.iter().map(error_and_sigma).collect()))
 }
 
-/// What the core should have found, in its own terms: a bias of an accelerometer is what it reads
-/// too much at the attitude that `found` is of.
+/// The true values of the estimates: for an accelerometer the apparent bias at the attitude that `found`
+/// refers to.
 fn true_values(
-    bench: &DrivenUnit,
+    unit: &DrivenUnit,
     target: &Target,
     found: &Estimates,
     solution: &Solution,
 ) -> Estimates {
-    let (errors, end) = (bench.errors(), bench.end());
+    let (errors, end) = (unit.errors(), unit.end());
     let up = found.level_force_mps2.normalize();
-    let felt = errors.effective_accel_bias_mps2(&end.position, &up);
+    let apparent_accel_bias = errors.effective_accel_bias_mps2(&end.position, &up);
     let cross_axis = errors.gyro_matrix - Matrix3::from_diagonal(&errors.gyro_matrix.diagonal());
-    let azimuth_left = (solution.attitude * end.attitude.inverse()).scaled_axis().z;
+    let residual_azimuth = (solution.attitude * end.attitude.inverse()).scaled_axis().z;
     let value = |value: f64| Estimate {
         value,
         ..Estimate::default()
     };
     let vector = |v: Vector3<f64>| [value(v.x), value(v.y), value(v.z)];
     Estimates {
-        // Of what is left in the heading nobody asks for the sign.
-        azimuth_error_rad: value(found.azimuth_error_rad.value - azimuth_left),
-        accel_bias_mps2: vector(felt),
+        // The error of this estimate is the residual heading error, of either sign.
+        azimuth_error_rad: value(found.azimuth_error_rad.value - residual_azimuth),
+        accel_bias_mps2: vector(apparent_accel_bias),
         gyro_bias_radps: vector(errors.gyro_bias_radps.into()),
         gnss_latency_s: value(0.5 * (errors.gnss_latency_s + errors.gnss_latency_end_s)),
         lever_arm_m: vector(target.unit.lever_arm_m()),
@@ -266,10 +265,10 @@ pub fn readable(all: &[Results]) -> String {
     all.iter().map(part).collect::<String>() + &verdict(all)
 }
 
-/// How many ratios are as they should be: to the errors, and to the sigmas that the core states.
+/// How many ratios reach the goal: to the errors, and to the sigmas that the core states.
 fn verdict(all: &[Results]) -> String {
     let of_side = |(judge, side): (bool, &str)| {
-        let shown = || {
+        let ratios = || {
             let of_side = all.iter().filter(|results| results.judge == judge);
             let rows = of_side.flat_map(|results| &results.rows);
             rows.filter_map(|row| Some((row.ratio?, row.predicted / row.stated)))
@@ -278,12 +277,12 @@ fn verdict(all: &[Results]) -> String {
         let [least, most] = GOAL;
         format!(
             "{side}: within {least} to {most} are {} of {} ratios to what is reached, {} to what is stated\n",
-            shown().filter(|(reached, _)| good(*reached)).count(),
-            shown().count(),
-            shown().filter(|(_, stated)| good(*stated)).count(),
+            ratios().filter(|(reached, _)| good(*reached)).count(),
+            ratios().count(),
+            ratios().filter(|(_, stated)| good(*stated)).count(),
         )
     };
-    let there = |side: &(bool, &str)| all.iter().any(|results| results.judge == side.0);
+    let has_side = |side: &(bool, &str)| all.iter().any(|results| results.judge == side.0);
     let sides = [(false, "Development"), (true, "Judges")].into_iter();
-    sides.filter(there).map(of_side).collect()
+    sides.filter(has_side).map(of_side).collect()
 }

@@ -1,4 +1,4 @@
-//! Any recording, without a hand's help: what was found in it, what was warned of, and how long it took.
+//! Recordings of any format, unedited: results, warnings and processing time.
 
 use std::path::Path;
 use std::time::Instant;
@@ -14,9 +14,8 @@ use crate::page::{brief, digits};
 
 #[derive(Clone, Debug, Serialize)]
 pub struct Recording {
-    /// Name of the file or folder, and which of its inertial sensors.
+    /// Name of the file or folder, and the number of the inertial sensor.
     pub name: String,
-    /// What was found, or why nothing.
     pub outcome: Outcome,
     /// Reading included, s.
     pub took_s: f64,
@@ -26,11 +25,11 @@ pub struct Recording {
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     Used(Found),
-    /// It could not; the first sentence of why.
+    /// First sentence of the reason.
     Refused(String),
 }
 
-/// Of a recording that could be used.
+/// Results of a recording that could be used.
 #[derive(Clone, Debug, Serialize)]
 pub struct Found {
     pub minutes: f64,
@@ -38,16 +37,16 @@ pub struct Found {
     pub gnss_hz: f64,
     /// Latency and its sigma, ms; none if not known.
     pub latency_ms: Option<[f64; 2]>,
-    /// How many of latency, azimuth and six biases are known.
+    /// How many of latency, azimuth and six biases are observable.
     pub known: usize,
-    /// Of the log; those against the result stand below.
+    /// Of the log; those about the result are in `against`.
     pub warnings: Vec<String>,
     pub against: Vec<String>,
 }
 
-/// Tries a recording, with each of its inertial sensors: first with that which is used unasked.
+/// Analyses a recording with each of its inertial sensors, the default one first.
 pub fn recordings(path: &Path, grade: Option<Grade>) -> Vec<Recording> {
-    // What cannot be read at all says so in the first row.
+    // An unreadable file is reported in the first row.
     let others = import::other_imus(path).unwrap_or_default();
     let all = [None].into_iter().chain(others.into_iter().map(Some));
     all.map(|imu| recording(path, imu, grade)).collect()
@@ -67,8 +66,8 @@ fn recording(path: &Path, imu: Option<usize>, grade: Option<Grade>) -> Recording
         Ok(analysis) => Outcome::Used(Found::new(&analysis)),
         Err(error) => {
             let why = error.to_string();
-            let beside = path.with_file_name("").display().to_string();
-            Outcome::Refused(why.strip_prefix(&beside).unwrap_or(&why).to_owned())
+            let folder = path.with_file_name("").display().to_string();
+            Outcome::Refused(why.strip_prefix(&folder).unwrap_or(&why).to_owned())
         }
     };
     Recording {
@@ -82,7 +81,7 @@ impl Found {
     fn new(analysis: &Analysis) -> Self {
         let (log, summary) = (&analysis.log, &analysis.summary);
         let latency = summary.quantities.gnss_latency_ms;
-        let known = summary.quantities.columns();
+        let quantities = summary.quantities.columns();
         Self {
             minutes: summary.duration_s / 60.0,
             imu_hz: log.imu_rate_hz(),
@@ -90,7 +89,10 @@ impl Found {
             latency_ms: latency
                 .observable()
                 .then_some([latency.value, latency.sigma]),
-            known: known.iter().filter(|(_, found)| found.observable()).count(),
+            known: quantities
+                .iter()
+                .filter(|(_, found)| found.observable())
+                .count(),
             warnings: summary.warnings.clone(),
             against: summary.verdict.against.clone(),
         }

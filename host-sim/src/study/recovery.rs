@@ -1,5 +1,5 @@
-//! How well error models are found: many simulated units, each identified from its drives or flights,
-//! against the models that these were made with.
+//! Accuracy of identified error models: many simulated units, each identified from its drives or flights,
+//! against the true models.
 
 use std::path::Path;
 
@@ -33,16 +33,16 @@ use crate::study::options::{MOST_SEED, minutes};
 pub const JSON: &str = "recovery.json";
 const MARKDOWN: &str = "recovery.md";
 
-/// Seeds from one unit to the next: no unit has so many drives. From one kind of units to the next:
-/// no study has so many.
+/// Distance of the seeds of units, above the drives of a unit, and of kinds of units, above the seeds of a
+/// study.
 const UNIT_SEEDS: u64 = 1000;
 const KIND_SEEDS: u64 = 1_000_000_000;
 
 /// Banks of the turns of a flight, rad.
 const BANK_RAD: [f64; 2] = [0.45, 0.7];
 
-/// What of the noise of GNSS velocity has a memory, m/s.
-const GNSS_MEMORY: Correlated = Correlated {
+/// Coloured noise of GNSS velocity, m/s.
+const GNSS_COLOURED: Correlated = Correlated {
     sigma: 0.03,
     time_s: 10.0,
 };
@@ -51,7 +51,7 @@ const GNSS_MEMORY: Correlated = Correlated {
 #[serde(rename_all = "lowercase")]
 pub enum Vehicle {
     Car,
-    /// A light aircraft that stands first.
+    /// A light aircraft that begins at rest.
     Aircraft,
 }
 
@@ -59,7 +59,7 @@ pub enum Vehicle {
 pub struct Study {
     #[arg(skip = Grade::Hg1700)]
     pub class: Grade,
-    /// What they are driven in.
+    /// Vehicle of all units.
     #[arg(skip = Vehicle::Car)]
     pub vehicle: Vehicle,
     /// Number of units, of each model of the gyro biases.
@@ -80,16 +80,16 @@ struct Unit {
     parameters: Vec<Parameter>,
     /// Curvature of the log-likelihood at the true values.
     information: Matrix4<f64>,
-    /// Readings of a second at rest, all axes, less the means that were taken out.
-    rest_freedom: f64,
+    /// Degrees of freedom of the noise at rest: readings of a second, all axes, less the means.
+    rest_dof: f64,
 }
 
-/// A class with gyro biases that move: by some of what the noise of minutes hides in ring lasers, by
-/// more than that in MEMS.
-pub fn truth(class: Grade, law: Law) -> ErrorModel {
+/// The model of a class, with gyro bias drift: in ring lasers partly hidden by the noise of minutes, in
+/// MEMS above it.
+pub fn true_model(class: Grade, law: Law) -> ErrorModel {
     let mut model = class.errors();
-    model.gnss.habits.velocity = GNSS_MEMORY;
-    let [initial_sigma, moves] = match (class, law) {
+    model.gnss.habits.velocity = GNSS_COLOURED;
+    let [initial_sigma, random_sigma] = match (class, law) {
         (Grade::Hg1700, Law::Wave) => [1.0, 2.0],
         (Grade::Hg1700, Law::Continuous) => [2.0, 2.0],
         (Grade::Mems, _) => [model.gyro_deg_h.bias.initial_sigma(), 40.0],
@@ -98,13 +98,13 @@ pub fn truth(class: Grade, law: Law) -> ErrorModel {
         Law::Wave => BiasModel::Wave {
             initial_sigma,
             interval_s: 300.0,
-            jump_mean: 0.15 * moves,
-            jump_sigma: moves,
+            jump_mean: 0.15 * random_sigma,
+            jump_sigma: random_sigma,
         },
         Law::Continuous => BiasModel::Continuous {
             initial_sigma,
-            slope_sigma_per_s: 0.0005 * moves,
-            correlated_sigma: moves,
+            slope_sigma_per_s: 0.0005 * random_sigma,
+            correlated_sigma: random_sigma,
             correlation_time_s: 150.0,
         },
     };
@@ -116,19 +116,19 @@ pub struct Row {
     /// Path in the model file.
     pub name: &'static str,
     pub unit: &'static str,
-    /// What the units were made with.
+    /// Value in the true model.
     pub truth: f64,
     /// Units with a value.
     pub units: usize,
     /// Mean error of the estimate.
     pub bias: f64,
-    /// 95 % bound of what chance alone does to that mean.
+    /// 95 % bound of that mean by chance.
     pub bias_95: f64,
-    /// Intervals that hold the truth, percent.
+    /// Intervals that contain the truth, percent.
     pub coverage_percent: f64,
     /// Standard deviation of the estimate.
     pub scatter: f64,
-    /// Bound of Cramer and Rao on that; none where none is known.
+    /// Cramer-Rao bound of that; none where none is known.
     pub bound: Option<f64>,
 }
 
@@ -166,13 +166,13 @@ impl Study {
             .into()
     }
 
-    /// Makes and identifies all units; what comes out does not depend on the number of threads.
+    /// Simulates and identifies all units; the results do not depend on the number of threads.
     fn results(self, law: Law) -> Results {
         let progress = bar().with_message("units");
         progress.set_length(self.units);
         let units: Vec<Unit> = (0..self.units)
             .into_par_iter()
-            .map(counted(&progress, |unit| self.identified(unit, law)))
+            .map(counted(&progress, |unit| self.identify_unit(unit, law)))
             .collect();
         Results {
             study: self,
@@ -184,8 +184,8 @@ impl Study {
         }
     }
 
-    fn identified(&self, unit: u64, law: Law) -> Unit {
-        let (model, class) = (truth(self.class, law), self.class);
+    fn identify_unit(&self, unit: u64, law: Law) -> Unit {
+        let (model, class) = (true_model(self.class, law), self.class);
         let first = self.first_seed + UNIT_SEEDS * unit;
         let records: Vec<Record> = (first..first + self.drives)
             .map(|seed| match self.vehicle {
@@ -197,23 +197,23 @@ impl Study {
         let rest = || records.iter().flat_map(|record| &record.rest);
         Unit {
             parameters: found.parameters(),
-            information: fit::information(&records, &candidate(&model)),
-            rest_freedom: rest().map(|blocks| 3.0 * (blocks.len() as f64 - 1.0)).sum(),
+            information: fit::information(&records, &true_candidate(&model)),
+            rest_dof: rest().map(|blocks| 3.0 * (blocks.len() as f64 - 1.0)).sum(),
         }
     }
 }
 
-/// Drives once with sensors of a model, and keeps what identification needs.
+/// Record for identification of one simulated drive with sensors of a model.
 pub(crate) fn drive_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
     let config = drive(seed, model, minutes);
-    reduced(simulate(&config), model, grade)
+    identified_record(simulate(&config), model, grade)
 }
 
-/// The same in the air.
+/// The same of a flight.
 pub(crate) fn flight_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
     let recording = drive(seed, model, minutes).recording;
     let plane = Plane::new(seed, recording.duration_s, BANK_RAD, Begin::OnGround);
-    reduced(record(plane, &recording), model, grade)
+    identified_record(record(plane, &recording), model, grade)
 }
 
 fn drive(seed: u64, model: &ErrorModel, minutes: f64) -> DriveConfig {
@@ -222,7 +222,7 @@ fn drive(seed: u64, model: &ErrorModel, minutes: f64) -> DriveConfig {
     config
 }
 
-fn reduced(run: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Record {
+fn identified_record(run: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Record {
     let log = Log {
         truth: Vec::new(),
         ..run.into_log(BodyAxes::Rfu, model.imu.output)
@@ -232,8 +232,8 @@ fn reduced(run: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Record {
     Record::new(&log, &found)
 }
 
-/// The true model as the likelihood takes it.
-fn candidate(model: &ErrorModel) -> Candidate {
+/// The true model as a candidate of the likelihood.
+fn true_candidate(model: &ErrorModel) -> Candidate {
     Candidate {
         gyro_noise: model.gyro_deg_h.white_noise * DEG_H_RADPS,
         accel_noise: model.accel_mps2.white_noise,
@@ -245,13 +245,13 @@ fn candidate(model: &ErrorModel) -> Candidate {
 }
 
 fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
-    let model = truth(study.class, law);
+    let model = true_model(study.class, law);
     let bounds = Bounds::new(study, &model, units);
-    (each_parameter(units).into_iter())
+    (all_parameters(units).into_iter())
         .map(|parameter| {
-            let same = |p: &&Parameter| p.name == parameter.name;
+            let same_name = |p: &&Parameter| p.name == parameter.name;
             let found: Vec<Interval> = (units.iter())
-                .filter_map(|unit| unit.parameters.iter().find(same)?.found)
+                .filter_map(|unit| unit.parameters.iter().find(same_name)?.found)
                 .collect();
             let truth = in_file(&model, parameter.name);
             row(parameter, truth, &found, bounds.of(parameter.name))
@@ -259,8 +259,8 @@ fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
         .collect()
 }
 
-/// Of all units: one whose model was not found has fewer.
-fn each_parameter(units: &[Unit]) -> Vec<&Parameter> {
+/// The parameters of all units: one whose model was not identified has fewer.
+fn all_parameters(units: &[Unit]) -> Vec<&Parameter> {
     let mut each: Vec<&Parameter> = Vec::new();
     for parameter in units.iter().flat_map(|unit| &unit.parameters) {
         if each.iter().all(|other| other.name != parameter.name) {
@@ -273,10 +273,10 @@ fn each_parameter(units: &[Unit]) -> Vec<&Parameter> {
 fn row(parameter: &Parameter, truth: f64, found: &[Interval], bound: Option<f64>) -> Row {
     let count = found.len() as f64;
     let values: Vec<f64> = found.iter().map(|f| f.value).collect();
-    let alone = (values.first().copied().unwrap_or(f64::NAN), f64::NAN);
-    let (mean, variance) = mean_and_variance(&values).unwrap_or(alone);
+    let single = (values.first().copied().unwrap_or(f64::NAN), f64::NAN);
+    let (mean, variance) = mean_and_variance(&values).unwrap_or(single);
     let scatter = variance.sqrt();
-    let held = found.iter().filter(|f| f.holds(truth)).count();
+    let covering = found.iter().filter(|f| f.holds(truth)).count();
     Row {
         name: parameter.name,
         unit: parameter.unit,
@@ -284,21 +284,21 @@ fn row(parameter: &Parameter, truth: f64, found: &[Interval], bound: Option<f64>
         units: found.len(),
         bias: mean - truth,
         bias_95: student(count - 1.0) * scatter / count.sqrt(),
-        coverage_percent: 100.0 * held as f64 / count,
+        coverage_percent: 100.0 * covering as f64 / count,
         scatter,
         bound,
     }
 }
 
-/// Bounds of Cramer and Rao: of the likelihood at the true values, averaged over the units, or of
-/// draws seen without error.
+/// Cramer-Rao bounds: of the likelihood at the true values, averaged over the units, or of draws
+/// observed without error.
 struct Bounds<'a> {
     model: &'a ErrorModel,
-    /// Relative, of gyro noise, GNSS noise, size and time of the random part; none of what shows nowhere.
+    /// Relative, of gyro noise, GNSS noise, size and time of the random part; none if unobservable.
     likelihood: [Option<f64>; 4],
     draws: f64,
     jumps: f64,
-    rest_freedom: f64,
+    rest_dof: f64,
 }
 
 impl<'a> Bounds<'a> {
@@ -310,7 +310,7 @@ impl<'a> Bounds<'a> {
         let mut jumps = 0.0;
         if let BiasModel::Wave { interval_s, .. } = model.gyro_deg_h.bias {
             jumps = draws * (60.0 * study.minutes / interval_s).floor();
-            // The times of jumps make steps in the likelihood: no bound, and no part in others.
+            // The likelihood has steps where jump times change: no bound, and no correlation with others.
             for other in 0..3 {
                 (mean[(3, other)], mean[(other, 3)]) = (0.0, 0.0);
             }
@@ -320,7 +320,7 @@ impl<'a> Bounds<'a> {
             likelihood: relative(mean),
             draws,
             jumps,
-            rest_freedom: units.iter().map(|unit| unit.rest_freedom).sum::<f64>() / count,
+            rest_dof: units.iter().map(|unit| unit.rest_dof).sum::<f64>() / count,
         }
     }
 
@@ -336,37 +336,37 @@ impl<'a> Bounds<'a> {
             "gyro_deg_h.bias.initial_sigma"
             | "gyro_deg_h.bias.slope_sigma_per_s"
             | "accel_mps2.bias.initial_sigma" => of_draws(self.draws) * truth,
-            "accel_mps2.white_noise" => of_draws(self.rest_freedom) * truth,
+            "accel_mps2.white_noise" => of_draws(self.rest_dof) * truth,
             "gyro_deg_h.bias.jump_mean" => {
                 let sigma = in_file(self.model, "gyro_deg_h.bias.jump_sigma");
                 sigma / self.jumps.sqrt()
             }
             _ => return None,
         };
-        // Of no draw there is none.
+        // Without draws there is none.
         Some(bound).filter(|bound| bound.is_finite())
     }
 }
 
-/// Square roots of the variances that an information leaves; none of a parameter that it says nothing of,
-/// with which it would have no inverse.
+/// Sigmas of an information matrix; none of a parameter without information, which would make it
+/// singular.
 fn relative(mut information: Matrix4<f64>) -> [Option<f64>; 4] {
-    let shown = [0, 1, 2, 3].map(|which| information[(which, which)] > 0.0);
-    for which in (0..4).filter(|which| !shown[*which]) {
+    let observed = [0, 1, 2, 3].map(|which| information[(which, which)] > 0.0);
+    for which in (0..4).filter(|which| !observed[*which]) {
         information.fill_row(which, 0.0);
         information.fill_column(which, 0.0);
         information[(which, which)] = 1.0;
     }
     let variance = information.try_inverse();
     [0, 1, 2, 3].map(|which| {
-        let variance = variance.filter(|_| shown[which])?[(which, which)];
+        let variance = variance.filter(|_| observed[which])?[(which, which)];
         (variance > 0.0).then(|| variance.sqrt())
     })
 }
 
 // --- tables ---
 
-/// A table for each kind of units; or one of all, that says only how often intervals hold the truth.
+/// A table for each kind of units; or one of all with the coverage of the intervals only.
 pub fn tables(all: &[Results], coverage_alone: bool) -> Vec<Table> {
     if coverage_alone {
         vec![coverage(all)]
@@ -384,7 +384,7 @@ pub fn write(results: &[Results], tables: &[Table], folder: &Path) -> Result<()>
     Ok(output::write(folder, JSON, page::json(&results)?)?)
 }
 
-/// Whether models come back: a row for each parameter, a column for each of the results.
+/// A row for each parameter, a column for each of the results.
 fn coverage(all: &[Results]) -> Table {
     let mut header = cells([""]);
     header.extend(all.iter().map(Results::kind));
@@ -408,7 +408,7 @@ impl Results {
             "| unit | truth | bias | bias by chance | coverage | scatter | bound | scatter / bound",
         );
         let title = format!("Gyro biases of equation {}:", self.gyro_model);
-        // Scales that the core does not estimate, say.
+        // The core does not estimate some, such as scale errors.
         let found = self.rows.iter().filter(|row| row.units > 0);
         let units = self.study.units;
         Table::of(title, header, found.map(|row| row.cells(units)))
@@ -416,7 +416,7 @@ impl Results {
 }
 
 impl Row {
-    /// With the number of units if not all have a value.
+    /// Also the number of units, unless all have a value.
     fn coverage(&self, of_units: u64) -> String {
         match self.units {
             0 => "no value".to_owned(),
@@ -468,7 +468,7 @@ mod tests {
         Unit {
             parameters: found.iter().map(parameter).collect(),
             information: Matrix4::identity(),
-            rest_freedom: 100.0,
+            rest_dof: 100.0,
         }
     }
 
@@ -484,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_first_unit_lacks_stays_in_the_table_with_its_number_of_units() {
+    fn parameters_missing_in_the_first_unit_are_in_the_table_with_their_number_of_units() {
         let units = [
             unit(&[(NOISE, 7.0)]),
             unit(&[(NOISE, 8.0), (MEAN, 0.0)]),
@@ -503,9 +503,9 @@ mod tests {
         assert!(table.contains("100 % of 2"), "{table}");
     }
 
-    /// Of what shows nowhere there is no bound, and none of zero of the others.
+    /// An unobservable parameter has no bound, and does not make those of the others zero.
     #[test]
-    fn what_an_information_says_nothing_of_has_no_bound() {
+    fn parameters_without_information_have_no_bound() {
         let mut information = Matrix4::identity() * 4.0;
         information[(3, 3)] = 0.0;
         assert_eq!(
@@ -516,9 +516,9 @@ mod tests {
         assert_eq!(relative(information), [None, None, Some(0.5), None]);
     }
 
-    /// Two values 0.6 apart: Student's 12.7 of one degree of freedom times 0.3, not 1.96.
+    /// Two values 0.6 apart: 12.7 (Student's t, one degree of freedom) times 0.3, not 1.96.
     #[test]
-    fn chance_of_few_units_is_that_of_student() {
+    fn bound_by_chance_of_few_units_is_from_the_t_distribution() {
         let units = [unit(&[(MEAN, 0.0)]), unit(&[(MEAN, 0.6)])];
         let row = rows(&study(2), Law::Wave, &units)[0].clone();
         assert!((row.bias_95 - 12.706 * 0.3).abs() < 1e-3, "{row:?}");

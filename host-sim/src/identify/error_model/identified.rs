@@ -504,7 +504,7 @@ fn latency_bounds(latencies: &[Measured]) -> Option<[Interval; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::recovery::{drive_record, flight_record, truth};
+    use crate::study::recovery::{drive_record, flight_record, true_model};
 
     fn identified(model: &ErrorModel, law: Option<Law>) -> Identified {
         let records = [1, 2].map(|seed| drive_record(seed, model, Grade::Hg1700, 25.0));
@@ -584,7 +584,7 @@ mod tests {
 
     #[test]
     fn large_jumps_are_counted_and_preferred() {
-        let mut model = truth(Grade::Hg1700, Law::Wave);
+        let mut model = true_model(Grade::Hg1700, Law::Wave);
         model.gyro_deg_h.white_noise = 1.0;
         let found = identified(&model, None);
         let BiasModel::Wave { interval_s, .. } = found.model().gyro_deg_h.bias else {
@@ -601,7 +601,7 @@ mod tests {
 
     #[test]
     fn scales_in_banks_and_the_memory_of_gnss_are_not_taken_for_noise() {
-        let model = truth(Grade::Mems, Law::Continuous);
+        let model = true_model(Grade::Mems, Law::Continuous);
         let records = [3, 4].map(|seed| flight_record(seed, &model, Grade::Mems, 20.0));
         let found = Identified::new(&records, Grade::Mems, Some(Law::Continuous));
         // Without scales in the likelihood, 13.7 deg/h/sqrt(Hz) came out as 30 with such bounds.
