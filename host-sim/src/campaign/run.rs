@@ -17,7 +17,7 @@ use crate::page::progress::counted;
 use crate::sim::ErrorModel;
 use crate::statistics::whole;
 use crate::study::flights::route::Route;
-use crate::study::flights::run::{Left, Settings, run_alone};
+use crate::study::flights::run::{ResidualErrors, Settings, run_alone};
 use crate::study::recovery::drive_record;
 
 /// Times of the free part at which errors are evaluated, in quarters of it.
@@ -55,7 +55,7 @@ pub struct FlightErrors {
 
 impl FlightErrors {
     /// From the errors left at the end of GNSS, and those at every minute after it.
-    pub fn new(left: &Left, minutes: &[HorizontalError]) -> Self {
+    pub fn new(left: &ResidualErrors, minutes: &[HorizontalError]) -> Self {
         let whole = |value: f64| whole(value.abs().round()) as u64;
         let at = |quarter: usize| {
             let minute = ((quarter + 1) * minutes.len()).div_ceil(QUARTERS as usize);

@@ -1,4 +1,4 @@
-//! Linear error equations (1)-(2) of a free INS whose height is held.
+//! Linear error equations (1)-(2) of a free INS with damped vertical channel.
 
 use ins_core::Solution;
 use ins_core::attitude::matrix;
@@ -13,7 +13,7 @@ use crate::sim::drive::Step;
 enum Terms {
     /// (1)-(2) as printed: a flat frame that does not rotate.
     Printed,
-    /// And the rotation of the frame, by the Earth's and by the flight around it.
+    /// With the rotation of the frame: Earth rate and transport rate.
     RotatingFrame,
 }
 
@@ -21,12 +21,12 @@ enum Terms {
 #[derive(Clone, Copy, Debug)]
 pub struct LinearModel {
     terms: Terms,
-    /// dV; nothing upwards, since height is held.
+    /// dV; the vertical component is zero.
     pub velocity_mps: Vector3<f64>,
     /// Phi.
     tilt_rad: Vector3<f64>,
     north_m: f64,
-    /// With the INS, so far.
+    /// With the INS.
     pub agreement: Agreement,
 }
 
@@ -44,8 +44,8 @@ impl LinearModel {
         })
     }
 
-    /// Advances over a step of the flight that ends at `after`, on which the sensors, as they were
-    /// used, gained `gyro_rad` and `accel_mps` too much, body axes.
+    /// Propagates over a step of the flight that ends at `after`; `gyro_rad` and `accel_mps` are the errors of
+    /// the increments that the INS used, body axes.
     pub fn step(
         &mut self,
         step: &Step,
@@ -62,7 +62,7 @@ impl LinearModel {
             self.velocity_mps,
             earth.sin_latitude / earth.safe_cos_latitude(),
         );
-        let (push, rate) = match self.terms {
+        let (dv_step, rate) = match self.terms {
             Terms::Printed => {
                 let gained = after.velocity_enu_mps - before.velocity_enu_mps;
                 let force = Vector3::new(gained.x, gained.y, earth.gravity_mps2 * STEP_S);
@@ -72,23 +72,24 @@ impl LinearModel {
             Terms::RotatingFrame => {
                 let force = attitude * step.ideal.accel;
                 let velocity = &before.velocity_enu_mps;
-                let turn = earth.earth_rate();
-                let frame = turn + earth.transport_rate(velocity);
-                // What the errors of latitude and velocity do to both rates.
+                let earth_rate = earth.earth_rate();
+                let frame = earth_rate + earth.transport_rate(velocity);
+                // Errors of both rates by the errors of latitude and velocity.
                 let north_rad = self.north_m / radius_m;
-                let turn_error = north_rad * Vector3::new(0.0, -turn.z, turn.y);
+                let earth_rate_error = north_rad * Vector3::new(0.0, -earth_rate.z, earth_rate.y);
                 let convergence = velocity.x / earth.east_radius_m * north_rad * (1.0 + tan * tan);
-                let frame_error =
-                    turn_error + earth.transport_rate(&dv) + Vector3::new(0.0, 0.0, convergence);
-                let coriolis =
-                    (turn + frame).cross(&dv) + (turn_error + frame_error).cross(velocity);
-                let push = force.cross(&self.tilt_rad) - STEP_S * coriolis;
-                (push, frame_error - frame.cross(&self.tilt_rad))
+                let frame_error = earth_rate_error
+                    + earth.transport_rate(&dv)
+                    + Vector3::new(0.0, 0.0, convergence);
+                let coriolis = (earth_rate + frame).cross(&dv)
+                    + (earth_rate_error + frame_error).cross(velocity);
+                let dv_step = force.cross(&self.tilt_rad) - STEP_S * coriolis;
+                (dv_step, frame_error - frame.cross(&self.tilt_rad))
             }
         };
-        self.velocity_mps += push + accel_enu;
+        self.velocity_mps += dv_step + accel_enu;
         self.velocity_mps.z = 0.0;
-        // With the new velocity in turn: an explicit step would make the oscillation grow.
+        // Semi-implicit, with the new velocity: an explicit step would make the oscillation grow.
         self.tilt_rad += STEP_S * rate - gyro_enu;
         self.north_m += STEP_S * self.velocity_mps.y;
     }
@@ -102,14 +103,14 @@ impl LinearModel {
 /// Agreement of a model with an INS: sums over time of squares of velocity errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Agreement {
-    /// Of the model's error of the error.
+    /// Of the model's difference from the INS.
     difference: f64,
-    /// Of the error itself.
+    /// Of the INS.
     error: f64,
 }
 
 impl Agreement {
-    /// RMS difference over RMS error, of all given.
+    /// RMS difference over RMS error.
     pub fn relative<'a>(all: impl Iterator<Item = &'a Self>) -> f64 {
         let (difference, error) = all.fold((0.0, 0.0), |(difference, error), a| {
             (difference + a.difference, error + a.error)

@@ -1,7 +1,7 @@
-//! Many seeded flights: what the estimates are worth once GNSS is gone.
+//! Monte Carlo flights: free-inertial errors with the estimates that were found with GNSS.
 //!
-//! Each flight is first damped by GNSS, then goes on free, at a height held by a barometer as any
-//! real INS has it: alone the vertical channel runs away.
+//! Each flight is first damped by GNSS, then free, with its vertical channel damped by a barometer, as in any
+//! real INS: alone it is unstable.
 
 pub mod linear;
 mod output;

@@ -1,4 +1,4 @@
-//! What `study flights` writes and prints.
+//! Output of `study flights`.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ pub fn write(folder: &Path, runs: &[Run], summary: &Summary) -> Result<()> {
     Ok(())
 }
 
-/// One row per flight: errors left in the estimates, errors at the end.
+/// One row per flight: residual errors of the estimates, errors at the end.
 fn table(runs: &[Run]) -> Result<String> {
     let mut names = "seed,gyro_left_deg_h_x,gyro_left_deg_h_y,gyro_left_deg_h_z,accel_left_mg_x,\
                      accel_left_mg_y,accel_left_mg_z,azimuth_left_deg,latency_left_ms"
@@ -48,7 +48,7 @@ fn table(runs: &[Run]) -> Result<String> {
 
 // --- pictures ---
 
-/// Velocity error of the long straight flight, and what (1)-(2) say.
+/// Velocity error of the long straight flight, and by (1)-(2).
 fn oscillation(curves: &[Point]) -> String {
     let line = |which: usize, axis: usize| -> Vec<(f64, f64)> {
         curves
@@ -108,14 +108,14 @@ fn growth(summary: &Summary) -> String {
 // --- tables ---
 
 pub fn readable(summary: &Summary) -> String {
-    in_words(summary, Table::plain)
+    text(summary, Table::plain)
 }
 
 pub fn markdown(summary: &Summary) -> String {
-    in_words(summary, Table::markdown)
+    text(summary, Table::markdown)
 }
 
-fn in_words(summary: &Summary, text_of: fn(&Table) -> String) -> String {
+fn text(summary: &Summary, text_of: fn(&Table) -> String) -> String {
     let left = &summary.left;
     let [gx, gy, gz] = left.gyro_deg_h;
     let [ax, ay, az] = left.accel_mg;
@@ -168,9 +168,9 @@ fn grid(summary: &Summary) -> Table {
     let mut header = heads("random walk, deg/sqrt(h)");
     header.extend(BIASES_DEG_H.map(|bias| format!("bias {bias} deg/h")));
     let row = |(row, walk): (usize, &Walk)| {
-        let of_walk = (summary.grid.iter().skip(row)).step_by(WALKS_DEG_SQRT_H.len());
+        let cells_of_walk = (summary.grid.iter().skip(row)).step_by(WALKS_DEG_SQRT_H.len());
         let mut cells = vec![walk.random_walk_deg_sqrt_h.to_string()];
-        cells.extend(of_walk.map(|cell| {
+        cells.extend(cells_of_walk.map(|cell| {
             let mark = if cell.reached == Some(true) { " *" } else { "" };
             format!("{:.2}{mark}", cell.position_km)
         }));

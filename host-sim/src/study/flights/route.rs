@@ -1,4 +1,4 @@
-//! The planned route, turned another way for each flight.
+//! The planned route, in a random direction for each flight.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ pub struct Route {
 }
 
 impl Route {
-    /// The Cessna 172 on the hour's route that comes with the program.
+    /// The Cessna 172 on the built-in route of one hour.
     pub fn cessna172() -> Result<Self, InputError> {
         let dynamics = Dynamics::new(&cessna172());
         let plan = Plan::parse(Path::new(FILE), ROUTE, &dynamics)?;
@@ -35,8 +35,8 @@ impl Route {
         &self.plan
     }
 
-    /// Flight `seed`, round and round for so long: route and wind turned by a random angle, so
-    /// that no heading is preferred, in turbulence of its own.
+    /// Flight `seed`, repeating the route for a duration: route and wind are rotated by a random angle, so that
+    /// no heading is preferred, and turbulence is drawn anew.
     pub fn flight(&self, seed: u64, duration_s: f64) -> Result<Flight, FlightError> {
         let pi = core::f64::consts::PI;
         let angle_rad = Random::stream(seed, "route direction").uniform([-pi, pi]);
@@ -47,10 +47,10 @@ impl Route {
         self.fly(&plan, seed)
     }
 
-    /// Straight ahead on the first heading for so long.
+    /// Straight flight on the initial heading for a duration.
     pub fn straight(&self, seed: u64, duration_s: f64) -> Result<Flight, FlightError> {
         let start = self.plan.start;
-        let ahead = Leg {
+        let leg = Leg {
             path: Path2d::Heading {
                 heading_rad: start.heading_rad,
                 duration_s,
@@ -60,13 +60,13 @@ impl Route {
         };
         let plan = Plan {
             duration_s: Some(duration_s),
-            legs: vec![ahead],
+            legs: vec![leg],
             ..self.plan.clone()
         };
         self.fly(&plan, seed)
     }
 
-    /// Once without sensors first: what cannot be flown must not end as a figure.
+    /// Flies it without sensors first, to reject a plan that cannot be flown.
     fn fly(&self, plan: &Plan, seed: u64) -> Result<Flight, FlightError> {
         let flight = Flight::new(&self.dynamics, plan, seed)?;
         flight.duration_s()?;
@@ -74,27 +74,27 @@ impl Route {
     }
 }
 
-/// A plan turned clockwise about its start.
+/// The plan rotated clockwise about its start.
 fn turned(plan: &Plan, angle_rad: f64) -> Plan {
     let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), -angle_rad);
-    let heading = |heading_rad: f64| wrap_pi(heading_rad + angle_rad);
+    let turned_heading = |heading_rad: f64| wrap_pi(heading_rad + angle_rad);
     let start = plan.start.position;
     let path = |leg: &Leg| match leg.path {
-        Path2d::To(place) => {
-            let to = at(place, start.height_m).enu_from(&start);
+        Path2d::To(position) => {
+            let to = at(position, start.height_m).enu_from(&start);
             Path2d::To(displaced(&start, &(rotation * to)).lat_lon())
         }
         Path2d::Heading {
             heading_rad,
             duration_s,
         } => Path2d::Heading {
-            heading_rad: heading(heading_rad),
+            heading_rad: turned_heading(heading_rad),
             duration_s,
         },
         bank @ Path2d::Bank { .. } => bank,
     };
     let mut turned = plan.clone();
-    turned.start.heading_rad = heading(plan.start.heading_rad);
+    turned.start.heading_rad = turned_heading(plan.start.heading_rad);
     turned.wind_enu_mps = rotation * plan.wind_enu_mps;
     for leg in &mut turned.legs {
         leg.path = path(leg);

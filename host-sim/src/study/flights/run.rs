@@ -1,4 +1,4 @@
-//! One flight: damped, then free in several variants side by side.
+//! One flight: damped, then several free INS in parallel.
 
 use core::array;
 
@@ -34,11 +34,11 @@ const CELLS: usize = BIASES_DEG_H.len() * WALKS_DEG_SQRT_H.len();
 
 /// SI value of deg/sqrt(h).
 pub(super) const DEG_SQRT_H: f64 = core::f64::consts::PI / 180.0 / 60.0;
-/// Samples per minute, and per comparison with the linear model.
+/// Samples per minute and per second.
 const MINUTE: u32 = 6000;
 const SECOND: u32 = 100;
 
-/// How the flights go.
+/// Settings of the flights.
 #[derive(Args, Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Minutes damped by GNSS.
@@ -54,19 +54,19 @@ pub struct Settings {
 
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RunError {
-    /// It came down.
+    /// The aircraft crashed.
     #[error("flight of seed {seed}: {error}")]
     Flight { seed: u64, error: FlightError },
-    /// The alignment was not over when GNSS went.
+    /// The alignment did not end before GNSS.
     #[error(
         "flight of seed {seed}: still aligning after {minutes} min with GNSS; it takes more of them"
     )]
     Aligning { seed: u64, minutes: u32 },
 }
 
-/// Errors left when GNSS goes: estimate minus truth.
+/// Residual errors at the end of GNSS: estimate minus truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Left {
+pub struct ResidualErrors {
     pub gyro_deg_h: [f64; 3],
     pub accel_mg: [f64; 3],
     /// Heading of the solution.
@@ -74,21 +74,21 @@ pub struct Left {
     pub latency_ms: f64,
 }
 
-/// The free INS that fly side by side, in the order of [`Run::free`]: estimates taken out of the
-/// readings; the same without the noise of the free part, which is what the errors of the estimates
-/// do; readings as they are, from the same start.
+/// The free INS in parallel, in the order of [`Run::free`]: readings compensated by the estimates; the same
+/// without noise in the free part, for the effect of the residual errors alone; raw readings, from the same
+/// start.
 pub const VARIANTS: [&str; 3] = ["with_estimates", "without_noise", "raw"];
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     pub seed: u64,
-    /// Errors left in the estimates.
-    pub left: Left,
+    /// Residual errors of the estimates.
+    pub left: ResidualErrors,
     /// Errors of each of [`VARIANTS`] at every minute of the free part.
     pub free: [Vec<HorizontalError>; 3],
     /// Velocity error against [`LinearModel::both`]: estimates, then raw.
     pub agreement: [[Agreement; 2]; 2],
-    /// Position error of each cell of the grid at the end, m; walks within biases.
+    /// Position error of each cell of the grid at the end, m; the random walk varies fastest.
     pub grid_m: [f64; CELLS],
 }
 
@@ -96,7 +96,7 @@ pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunErro
     let (mut sensors, navigator, start) = aided(seed, route, settings)?;
     let estimates = navigator.estimates();
     let mut free = Free::new(seed, &sensors, &start, &estimates, navigator.config());
-    let left = left(&sensors, &start, &estimates);
+    let left = residual_errors(&sensors, &start, &estimates);
     for count in 1..=settings.minutes_free * MINUTE {
         let step = sensors.step();
         free.step(&step, sensors.truth(), count);
@@ -104,18 +104,18 @@ pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunErro
     Ok(free.into_run(seed, left, sensors.truth()))
 }
 
-/// Flies one seed with nothing beside the INS that has its estimates applied: what is left when
-/// GNSS goes, and the errors at every minute after that.
+/// One flight with only the INS that is compensated by the estimates: residual errors at the end of GNSS, and
+/// the navigation errors at every minute after it.
 pub fn run_alone(
     seed: u64,
     route: &Route,
     settings: &Settings,
-) -> Result<(Left, Vec<HorizontalError>), RunError> {
+) -> Result<(ResidualErrors, Vec<HorizontalError>), RunError> {
     let (mut sensors, navigator, start) = aided(seed, route, settings)?;
     let estimates = navigator.estimates();
     let ([gyro, accel], mut ins) = (biases(&estimates), BaroAidedIns::new(&start));
     let mut measured = Intervals::default();
-    let left = left(&sensors, &start, &estimates);
+    let left = residual_errors(&sensors, &start, &estimates);
     let minutes = (0..settings.minutes_free).map(|_| {
         for _ in 0..MINUTE {
             let step = sensors.step();
@@ -129,15 +129,15 @@ pub fn run_alone(
     Ok((left, errors))
 }
 
-/// A flight up to where GNSS goes.
+/// A flight up to the end of GNSS.
 fn aided(
     seed: u64,
     route: &Route,
     settings: &Settings,
 ) -> Result<(Sensors, Navigator, Solution), RunError> {
     let duration_s = 60.0 * f64::from(settings.minutes_aided + settings.minutes_free);
-    let in_flight = |error| RunError::Flight { seed, error };
-    let flight = route.flight(seed, duration_s).map_err(in_flight)?;
+    let flight_error = |error| RunError::Flight { seed, error };
+    let flight = route.flight(seed, duration_s).map_err(flight_error)?;
     let origin = route.plan().start.position;
     let mut sensors = Sensors::new(flight, origin, &settings.errors, seed);
     let navigator = damped(seed, &mut sensors, settings);
@@ -150,10 +150,10 @@ fn aided(
 
 fn damped(seed: u64, sensors: &mut Sensors, settings: &Settings) -> Navigator {
     let error_sigmas = Random::stream(seed, "given heading").normal();
-    let given = |sigma_deg: f64| {
+    let with_error = |sigma_deg: f64| {
         sensors.truth().euler().heading_rad + (sigma_deg * error_sigmas).to_radians()
     };
-    let heading_rad = settings.errors.given_heading_sigma_deg.map(given);
+    let heading_rad = settings.errors.given_heading_sigma_deg.map(with_error);
     let config = config_of(Grade::Hg1700, ImuOutput::Increments, heading_rad);
     let mut navigator = Navigator::new(config).expect("presets are valid");
     for _ in 0..settings.minutes_aided * MINUTE {
@@ -166,16 +166,16 @@ fn damped(seed: u64, sensors: &mut Sensors, settings: &Settings) -> Navigator {
     navigator
 }
 
-/// Gyro and accelerometer biases as found.
+/// Estimated gyro and accelerometer biases.
 fn biases(estimates: &Estimates) -> [Vector3<f64>; 2] {
     [estimates.gyro_bias_radps, estimates.accel_bias_mps2]
         .map(|kind| Vector3::from(kind.map(|estimate| value(&estimate))))
 }
 
-fn left(sensors: &Sensors, start: &Solution, estimates: &Estimates) -> Left {
+fn residual_errors(sensors: &Sensors, start: &Solution, estimates: &Estimates) -> ResidualErrors {
     let ([gyro, accel], [true_gyro, true_accel]) = (biases(estimates), sensors.biases());
     let heading_rad = start.euler().heading_rad - sensors.truth().euler().heading_rad;
-    Left {
+    ResidualErrors {
         gyro_deg_h: ((gyro - true_gyro) / DEG_H_RADPS).into(),
         accel_mg: ((accel - true_accel) / MG_MPS2).into(),
         azimuth_deg: wrap_pi(heading_rad).to_degrees(),
@@ -183,12 +183,11 @@ fn left(sensors: &Sensors, start: &Solution, estimates: &Estimates) -> Left {
     }
 }
 
-/// All that flies free.
+/// The free INS and the linear models.
 struct Free {
     damping: DampingConfig,
-    /// Estimates, and what they are off by.
-    known: [Vector3<f64>; 2],
-    off: [Vector3<f64>; 2],
+    estimated: [Vector3<f64>; 2],
+    estimate_errors: [Vector3<f64>; 2],
     measured: Intervals,
     ideal: Intervals,
     ins: [BaroAidedIns; 3],
@@ -205,12 +204,12 @@ impl Free {
         estimates: &Estimates,
         config: &Config,
     ) -> Self {
-        let (known, truth) = (biases(estimates), sensors.truth());
+        let (estimated, truth) = (biases(estimates), sensors.truth());
         let true_biases = sensors.biases();
         Self {
             damping: config.damping,
-            known,
-            off: array::from_fn(|kind| known[kind] - true_biases[kind]),
+            estimated,
+            estimate_errors: array::from_fn(|kind| estimated[kind] - true_biases[kind]),
             measured: Intervals::default(),
             ideal: Intervals::default(),
             ins: [BaroAidedIns::new(start); 3],
@@ -225,8 +224,8 @@ impl Free {
         let measured = self.measured.of(&step.sample);
         let ideal = self.ideal.of(&step.ideal);
         let intervals = [
-            measured.without_bias(&self.known[0], &self.known[1]),
-            ideal.without_bias(&self.off[0], &self.off[1]),
+            measured.without_bias(&self.estimated[0], &self.estimated[1]),
+            ideal.without_bias(&self.estimate_errors[0], &self.estimate_errors[1]),
             measured,
         ];
         for (ins, interval) in self.ins.iter_mut().zip(&intervals) {
@@ -241,13 +240,13 @@ impl Free {
         }
     }
 
-    /// Takes the linear models along, and compares once a second.
+    /// Propagates the linear models, and compares once a second.
     fn compare(&mut self, step: &Step, truth: &Solution, count: u32) {
         let raw = [
             step.sample.gyro - step.ideal.gyro,
             step.sample.accel - step.ideal.accel,
         ];
-        let corrected = array::from_fn(|kind| raw[kind] - STEP_S * self.known[kind]);
+        let corrected = array::from_fn(|kind| raw[kind] - STEP_S * self.estimated[kind]);
         for (models, [gyro, accel]) in self.models.iter_mut().zip([corrected, raw]) {
             for model in models {
                 model.step(step, truth, &gyro, &accel);
@@ -264,7 +263,7 @@ impl Free {
         }
     }
 
-    fn into_run(self, seed: u64, left: Left, truth: &Solution) -> Run {
+    fn into_run(self, seed: u64, left: ResidualErrors, truth: &Solution) -> Run {
         Run {
             seed,
             left,
@@ -275,8 +274,7 @@ impl Free {
     }
 }
 
-/// Free INS that start without error and have nothing but the grid's gyro errors, the same draws
-/// in every cell.
+/// Free INS without initial errors, with the gyro errors of the grid only; all cells share the random draws.
 struct Grid {
     ins: [BaroAidedIns; CELLS],
     bias: Vector3<f64>,
@@ -312,7 +310,7 @@ pub fn cell_errors(cell: usize) -> (f64, f64) {
     (BIASES_DEG_H[cell / walks], WALKS_DEG_SQRT_H[cell % walks])
 }
 
-/// All flights, on all cores; the order of the result does not depend on them.
+/// All flights in parallel; the results do not depend on the number of threads.
 pub fn all(
     seeds: core::ops::Range<u64>,
     route: &Route,

@@ -13,15 +13,14 @@ use crate::sim::drive::IMU_HZ;
 use ins_core::config::Config;
 use ins_core::earth::LocalEarth;
 
-/// Two periods, min.
+/// Duration: two periods, min.
 const MINUTES: u32 = 170;
-/// Samples between two points of the curves.
+/// Samples between points of the curves.
 const EVERY: u32 = 1000;
-/// Periods that are tried, min.
+/// Range of the period search, min.
 const PERIODS_MIN: [f64; 2] = [60.0, 120.0];
 
-/// What oscillates: constant, trend and one sine in each channel, one period for both; amplitudes of the
-/// sines.
+/// Fit of constant, trend and one sine in each channel, with one period for both; amplitudes of the sines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Oscillation {
     pub period_min: f64,
@@ -59,20 +58,20 @@ pub struct Point {
     pub errors_mps: [Vector2<f64>; 3],
 }
 
-/// Flies straight on with the biases of a seed and no noise, from a levelling that these
-/// accelerometers have tilted.
+/// Straight flight with the biases of a seed and no noise, levelled at the start with the biased
+/// accelerometers.
 pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler, RunError> {
-    let in_flight = |error| RunError::Flight { seed, error };
+    let flight_error = |error| RunError::Flight { seed, error };
     let flight = route
         .straight(seed, 60.0 * f64::from(MINUTES))
-        .map_err(in_flight)?;
+        .map_err(flight_error)?;
     let origin = route.plan().start.position;
     let mut sensors = Sensors::new(flight, origin, errors, seed);
     let [gyro, accel] = sensors.biases();
     let mut start = *sensors.truth();
     let earth = LocalEarth::at(origin.latitude_rad, origin.height_m);
-    let pull = start.attitude * accel;
-    let tilt_rad = Vector3::new(-pull.y, pull.x, 0.0) / earth.gravity_mps2;
+    let accel_enu = start.attitude * accel;
+    let tilt_rad = Vector3::new(-accel_enu.y, accel_enu.x, 0.0) / earth.gravity_mps2;
     start.attitude = nalgebra::UnitQuaternion::from_scaled_axis(-tilt_rad) * start.attitude;
 
     let mut ins = BaroAidedIns::new(&start);
@@ -119,8 +118,7 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
     })
 }
 
-/// In velocity errors, m/s over s. Least squares over all periods: a fine scan, since the sum has
-/// side minima.
+/// Fits velocity errors, m/s over s, by least squares with a fine scan of the period: there are local minima.
 pub(crate) fn oscillation(errors: &[(f64, Vector2<f64>)]) -> Oscillation {
     let [low, high] = PERIODS_MIN;
     let steps = 1200;
@@ -140,8 +138,8 @@ pub(crate) fn oscillation(errors: &[(f64, Vector2<f64>)]) -> Oscillation {
         .map_or_else(Oscillation::default, |(oscillation, _)| oscillation)
 }
 
-/// Amplitude of the sine of a period that fits beside a constant and a trend, and the sum of the
-/// squares that it leaves.
+/// Amplitude of a sine of this period, fitted with a constant and a trend, and the sum of squared
+/// residuals.
 fn sine(errors: &[(f64, Vector2<f64>)], period_min: f64, axis: usize) -> Option<(f64, f64)> {
     let (mut normal, mut right, mut square) = (Matrix4::zeros(), Vector4::zeros(), 0.0);
     for (time_s, error) in errors {
@@ -174,7 +172,7 @@ mod tests {
             })
             .collect();
         let found = oscillation(&errors);
-        // The scan goes in steps of 0.05 min.
+        // The step of the scan is 0.05 min.
         assert!((found.period_min - 84.4).abs() < 0.03, "{found:?}");
         assert!((found.east_mps - 5.0).abs() < 0.01, "{found:?}");
         assert!((found.north_mps - 7.0).abs() < 0.01, "{found:?}");

@@ -1,4 +1,4 @@
-//! One flight's sensors, step by step: ideal, measured, and the truth under both.
+//! Sensors of one flight, step by step: ideal and measured readings, and the truth.
 
 use ins_core::earth::Geodetic;
 use ins_core::increments::{Increments, Interval};
@@ -45,7 +45,7 @@ impl Sensors {
         self.recorder.unit.biases()
     }
 
-    /// A fix is stamped so long after the motion that it shows, s.
+    /// Stamp of a fix less the time of the motion that it measures, s.
     pub fn latency_s(&self) -> f64 {
         self.recorder.receiver.latency_s
     }
@@ -54,7 +54,7 @@ impl Sensors {
         self.recorder.step(&mut self.ideal)
     }
 
-    /// The fixes that are received before the sample of `step`, which is the last one.
+    /// The fixes received before the sample of `step`, the last step.
     pub fn fixes(&mut self, step: &Step) -> impl Iterator<Item = GnssFix> + '_ {
         let fixes = &mut self.recorder.gnss;
         let received = fixes.partition_point(|fix| fix.time < step.sample.time);
@@ -62,7 +62,7 @@ impl Sensors {
     }
 }
 
-/// Turns samples into intervals, the first one too.
+/// Intervals of the samples, including the first.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Intervals(Option<Increments>);
 

@@ -7,30 +7,27 @@ use crate::statistics::whole;
 pub use crate::statistics::{median, rms};
 
 const RESAMPLES: usize = 4000;
-/// Of fewer values the percentiles of a bootstrap hold the RMS far less often than they say: three times in
-/// four of five.
+/// With fewer values the coverage of bootstrap percentiles is far below nominal: 75 % with five.
 const FEWEST: usize = 10;
 
-/// What many runs say of one error.
+/// Statistics of one error over many runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
     pub rms: f64,
-    /// 95 % confidence interval of it: bootstrap, percentiles; narrow by some where values are few,
-    /// so that it holds the RMS in 85 % of the cases of ten values, 90 % of thirty, 92 % of fifty.
-    /// None of fewer.
+    /// 95 % confidence interval of it: bootstrap percentiles, somewhat narrow with few values. Its coverage is
+    /// 85 % with ten values, 90 % with thirty, 92 % with fifty; none with fewer than ten.
     pub rms_95: Option<[f64; 2]>,
     pub median: f64,
 }
 
 impl Figure {
-    /// Of at least one value. Squares of position errors are far from normal, and how far depends
-    /// on what causes them: hence no chi-square.
+    /// Of at least one value. No chi-square interval: position errors are far from normally distributed.
     pub fn of(values: &[f64]) -> Self {
         let mut random = Random::stream(0, "bootstrap");
         let count = values.len();
-        let mut draw = || values[whole(random.unit() * count as f64)];
+        let mut resample = || values[whole(random.unit() * count as f64)];
         let mut resampled: Vec<f64> = (0..RESAMPLES)
-            .map(|_| rms((0..count).map(|_| draw())))
+            .map(|_| rms((0..count).map(|_| resample())))
             .collect();
         resampled.sort_by(f64::total_cmp);
         let tail = RESAMPLES / 40;
@@ -55,9 +52,9 @@ impl Figure {
 mod tests {
     use super::*;
 
-    /// The interval holds the true RMS of normal errors about as often as it says.
+    /// The coverage of the interval for the RMS of normal errors is about nominal.
     #[test]
-    fn the_interval_covers_what_it_says() {
+    fn the_coverage_of_the_interval_is_nominal() {
         let mut random = Random::stream(7, "coverage");
         let trials = 300;
         let covered = (0..trials)

@@ -1,11 +1,13 @@
-//! What many flights say together.
+//! Statistics over the flights.
 
 use ins_core::earth::LocalEarth;
 use serde::Serialize;
 
 use super::linear::{Agreement, random_walk_position_m};
 use super::route::Route;
-use super::run::{BIASES_DEG_H, DEG_SQRT_H, Left, Run, Settings, WALKS_DEG_SQRT_H, cell_errors};
+use super::run::{
+    BIASES_DEG_H, DEG_SQRT_H, ResidualErrors, Run, Settings, WALKS_DEG_SQRT_H, cell_errors,
+};
 use super::schuler::Schuler;
 use super::statistics::{Figure, rms};
 use crate::identify::baro_aided_ins::HorizontalError;
@@ -20,12 +22,12 @@ pub struct Summary {
     pub first_seed: u64,
     pub minutes_aided: u32,
     pub minutes_free: u32,
-    /// What the thesis has after 1 h, km.
+    /// RMS of the thesis after 1 h, km.
     pub thesis_position_km: f64,
     /// `R * 1 deg/h * t`, km.
     pub one_deg_h_km: f64,
-    /// RMS of what the estimates leave.
-    pub left: Left,
+    /// RMS of the residual errors of the estimates.
+    pub left: ResidualErrors,
     pub with_estimates: End,
     /// The same without the noise of the free part.
     pub without_noise: End,
@@ -34,7 +36,7 @@ pub struct Summary {
     pub growth: Vec<Growth>,
     /// Residual bias by random walk.
     pub grid: Vec<Cell>,
-    /// By random walk: what it costs, and the largest bias that leaves room for it.
+    /// By random walk: its position error, and the largest bias that may be added.
     pub walks: Vec<Walk>,
     /// Against (1)-(2), over the free parts.
     pub linear_model: LinearModelFigures,
@@ -70,7 +72,7 @@ pub struct Cell {
     /// RMS at the end and its 95 % interval.
     pub position_km: f64,
     pub position_km_95: Option<[f64; 2]>,
-    /// Whether the thesis's figure is reached; none of flights that are not as long as its own.
+    /// Whether the thesis's figure is reached; none of flights of another duration.
     pub reached: Option<bool>,
 }
 
@@ -78,11 +80,11 @@ pub struct Cell {
 pub struct Walk {
     /// Of each gyro.
     pub random_walk_deg_sqrt_h: f64,
-    /// RMS that it costs alone, flown, km.
+    /// RMS error by it alone, simulated, km.
     pub position_km: f64,
     /// The same from the linear model, km.
     pub linear_model_km: f64,
-    /// Residual bias at which the thesis's figure is just reached; none: not even without.
+    /// Residual bias at which the thesis's figure is just reached; none if it is not, even without bias.
     pub largest_bias_deg_h: Option<f64>,
 }
 
@@ -91,11 +93,11 @@ pub struct Walk {
 pub struct LinearModelFigures {
     /// (1)-(2) as printed, estimates applied.
     pub with_estimates: f64,
-    /// And with the rotation of the frame.
+    /// With the rotation of the frame.
     pub with_estimates_rotating: f64,
-    /// (1)-(2) as printed, readings as they are.
+    /// (1)-(2) as printed, raw readings.
     pub raw: f64,
-    /// And with the rotation of the frame.
+    /// With the rotation of the frame.
     pub raw_rotating: f64,
 }
 
@@ -116,7 +118,7 @@ impl Summary {
             minutes_free: settings.minutes_free,
             thesis_position_km: THESIS_KM,
             one_deg_h_km: 1e-3 * earth.north_radius_m * f64::to_radians(free_s / 3600.0),
-            left: left(runs),
+            left: residual_errors(runs),
             with_estimates: end(runs, 0),
             without_noise: end(runs, 1),
             raw: end(runs, 2),
@@ -136,9 +138,10 @@ impl Summary {
     }
 }
 
-fn left(runs: &[Run]) -> Left {
-    let rms_of = |value: &dyn Fn(&Left) -> f64| rms(runs.iter().map(|run| value(&run.left)));
-    Left {
+fn residual_errors(runs: &[Run]) -> ResidualErrors {
+    let rms_of =
+        |value: &dyn Fn(&ResidualErrors) -> f64| rms(runs.iter().map(|run| value(&run.left)));
+    ResidualErrors {
         gyro_deg_h: [0, 1, 2].map(|axis| rms_of(&|left| left.gyro_deg_h[axis])),
         accel_mg: [0, 1, 2].map(|axis| rms_of(&|left| left.accel_mg[axis])),
         azimuth_deg: rms_of(&|left| left.azimuth_deg),
@@ -201,21 +204,21 @@ fn grid(runs: &[Run], as_in_thesis: bool) -> Vec<Cell> {
         .collect()
 }
 
-/// Independent errors add in squares: that gives the bias that is left room for.
+/// The largest bias follows from adding independent errors as root sum of squares.
 fn walks(grid: &[Cell], linear_model_km: &dyn Fn(f64) -> f64) -> Vec<Walk> {
-    let (alone, with_bias) = grid.split_at(WALKS_DEG_SQRT_H.len());
+    let (without_bias, with_bias) = grid.split_at(WALKS_DEG_SQRT_H.len());
     let largest = BIASES_DEG_H.len() - 1;
     let km_per_deg_h =
         with_bias[(largest - 1) * WALKS_DEG_SQRT_H.len()].position_km / BIASES_DEG_H[largest];
-    alone
+    without_bias
         .iter()
         .map(|cell| {
-            let room = THESIS_KM * THESIS_KM - cell.position_km * cell.position_km;
+            let margin = THESIS_KM * THESIS_KM - cell.position_km * cell.position_km;
             Walk {
                 random_walk_deg_sqrt_h: cell.random_walk_deg_sqrt_h,
                 position_km: cell.position_km,
                 linear_model_km: linear_model_km(cell.random_walk_deg_sqrt_h),
-                largest_bias_deg_h: (room >= 0.0).then(|| room.sqrt() / km_per_deg_h),
+                largest_bias_deg_h: (margin >= 0.0).then(|| margin.sqrt() / km_per_deg_h),
             }
         })
         .collect()

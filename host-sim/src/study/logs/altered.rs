@@ -1,7 +1,7 @@
-//! Truth for recorded data: the log altered in ways whose effect is known.
+//! Truth for recorded data: the log altered in ways whose effect on the estimates is known.
 //!
-//! What is found of latency and of six biases has to follow. Both runs share the noise of the log, so
-//! that honest differences stay well below the joint sigma that they are held against.
+//! The estimates of latency and of six biases have to change accordingly. Both runs share the noise of the
+//! log, so that their differences should be well below the joint sigma.
 
 use indicatif::ProgressBar;
 use ins_core::{ConfigError, GnssFix, ImuOutput, ImuSample};
@@ -26,7 +26,7 @@ const GYRO_RADPS: [f64; 3] = [
 ];
 const ACCEL_MPS2: [f64; 3] = [0.2, -0.25, 0.3];
 
-/// What a change does to what should be found, right-forward-up.
+/// Effect of an alteration on the expected estimates, right-forward-up.
 #[derive(Clone, Copy)]
 enum Effect {
     Nothing,
@@ -35,7 +35,7 @@ enum Effect {
     Turned,
 }
 
-/// A change of a log: its name, what it does to what should be found, and how it is made.
+/// An alteration of a log: name, effect on the expected estimates, and function.
 type Alteration = (&'static str, Effect, fn(&mut Log));
 
 const ALTERATIONS: [Alteration; 10] = [
@@ -51,63 +51,63 @@ const ALTERATIONS: [Alteration; 10] = [
     (
         "half a degree a second and 20 to 30 mg more",
         Effect::Biases,
-        bias,
+        add_biases,
     ),
     ("unit turned by 70, -20 and 30 deg", Effect::Turned, turn),
     ("every second fix", Effect::Nothing, |log| {
         log.gnss = log.gnss.iter().step_by(2).copied().collect();
     }),
-    ("every second sample", Effect::Nothing, halve),
+    ("every second sample", Effect::Nothing, halve_sample_rate),
     ("no height", Effect::Nothing, |log| {
         each_fix(log, |fix| fix.height_m = None);
     }),
     ("no vertical velocity", Effect::Nothing, |log| {
         each_fix(log, |fix| fix.velocity_up_mps = None);
     }),
-    ("world turned by 90 deg", Effect::Nothing, turn_world),
+    ("world turned by 90 deg", Effect::Nothing, turn_trajectory),
 ];
 
-/// What an altered log says, less what it should say.
+/// Estimates of an altered log less the expected ones.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Altered {
     pub how: &'static str,
-    /// Of what is observable in both.
+    /// Of quantities that are observable in both.
     pub differences: Vec<Difference>,
     /// Quantities that are observable in the log as it is and not in the altered one.
     pub lost: usize,
 }
 
-/// Tries all changes of a log of a class, whose last word is `end`.
+/// Runs all alterations of a log, whose final estimates are `end`.
 pub fn test(log: &Log, grade: Grade, end: &tracks::Point) -> Result<Vec<Altered>, ConfigError> {
-    let found = columns(BodyAxes::Rfu, end);
+    let unaltered = columns(BodyAxes::Rfu, end);
     let altered = ALTERATIONS.par_iter().map(|(name, effect, alter)| {
         let mut altered = log.clone();
         alter(&mut altered);
         let config = configure::config(&altered, grade);
         let run = identify(&altered, config, &ProgressBar::hidden())?;
         let end = tracks::points(&run.history, &run.end).pop();
-        let is = end.map(|end| columns(BodyAxes::Rfu, &end));
-        Ok(compare(name, &effect.on(&found), is.as_ref()))
+        let found = end.map(|end| columns(BodyAxes::Rfu, &end));
+        Ok(compare(name, &effect.on(&unaltered), found.as_ref()))
     });
     altered.collect()
 }
 
-/// All but the heading, which two of the changes redefine.
-fn compare(name: &'static str, should: &[Quantity; 8], is: Option<&[Quantity; 8]>) -> Altered {
+/// All but the heading, which two of the alterations redefine.
+fn compare(name: &'static str, expected: &[Quantity; 8], found: Option<&[Quantity; 8]>) -> Altered {
     let mut altered = Altered {
         how: name,
         differences: Vec::new(),
         lost: 0,
     };
-    for (which, should) in should.iter().enumerate().skip(1) {
-        let Some(is) = is.map(|is| is[which]).filter(Quantity::observable) else {
-            altered.lost += usize::from(should.observable());
+    for (which, expected) in expected.iter().enumerate().skip(1) {
+        let Some(found) = found.map(|found| found[which]).filter(Quantity::observable) else {
+            altered.lost += usize::from(expected.observable());
             continue;
         };
-        if should.observable() {
-            let sigmas = [should.sigma, is.sigma];
-            let apart = is.value - should.value;
-            let difference = Difference::new(COMPARED[which].0, apart, sigmas, 0.0);
+        if expected.observable() {
+            let sigmas = [expected.sigma, found.sigma];
+            let value = found.value - expected.value;
+            let difference = Difference::new(COMPARED[which].0, value, sigmas, 0.0);
             altered.differences.push(difference);
         }
     }
@@ -115,41 +115,41 @@ fn compare(name: &'static str, should: &[Quantity; 8], is: Option<&[Quantity; 8]
 }
 
 impl Effect {
-    /// What should be found where this was.
-    fn on(self, found: &[Quantity; 8]) -> [Quantity; 8] {
-        let mut should = *found;
+    /// Expected estimates, from those of the unaltered log.
+    fn on(self, unaltered: &[Quantity; 8]) -> [Quantity; 8] {
+        let mut expected = *unaltered;
         match self {
             Self::Nothing => {}
-            Self::LatencyS(seconds) => should[7].value += 1e3 * seconds,
+            Self::LatencyS(seconds) => expected[7].value += 1e3 * seconds,
             Self::Biases => {
                 for axis in 0..3 {
-                    should[1 + axis].value += ACCEL_MPS2[axis] / MG_MPS2;
-                    should[4 + axis].value += GYRO_RADPS[axis] / DEG_H_RADPS;
+                    expected[1 + axis].value += ACCEL_MPS2[axis] / MG_MPS2;
+                    expected[4 + axis].value += GYRO_RADPS[axis] / DEG_H_RADPS;
                 }
             }
             Self::Turned => {
                 for first in [1, 4] {
-                    turn_three(&mut should, first);
+                    turn_three(&mut expected, first);
                 }
             }
         }
-        should
+        expected
     }
 }
 
-/// Three components from a place on, in the axes of the turned unit; observable if all are.
+/// Rotates three components from `first` on into the axes of the turned unit; observable if all are.
 fn turn_three(quantities: &mut [Quantity; 8], first: usize) {
     let [x, y, z] = [first, first + 1, first + 2].map(|which| quantities[which]);
     let turned = mount() * Vector3::new(x.value, y.value, z.value);
     let squares = mount().component_mul(&mount());
     let sigmas = Vector3::new(x.sigma, y.sigma, z.sigma);
     let variances = squares * sigmas.component_mul(&sigmas);
-    let worst = [x, y, z].into_iter().find(|one| !one.observable());
+    let unobservable = [x, y, z].into_iter().find(|one| !one.observable());
     for axis in 0..3 {
         quantities[first + axis] = Quantity {
             value: turned[axis],
             sigma: libm::sqrt(variances[axis]),
-            observability: worst.unwrap_or(x).observability,
+            observability: unobservable.unwrap_or(x).observability,
         };
     }
 }
@@ -173,16 +173,16 @@ fn each_sample(log: &mut Log, change: impl FnMut(&mut ImuSample)) {
     log.imu = samples.into();
 }
 
-fn bias(log: &mut Log) {
+fn add_biases(log: &mut Log) {
     let (gyro, accel) = (Vector3::from(GYRO_RADPS), Vector3::from(ACCEL_MPS2));
     let output = log.meta.imu;
     let mut last = None;
     each_sample(log, |sample| {
-        // Since when the first gathers is not known.
+        // The interval of the first sample is not known.
         let last = last.replace(sample.time).unwrap_or(sample.time);
-        let held = output.per_rate(sample.time.seconds_since(last));
-        sample.gyro += held * gyro;
-        sample.accel += held * accel;
+        let factor = output.per_rate(sample.time.seconds_since(last));
+        sample.gyro += factor * gyro;
+        sample.accel += factor * accel;
     });
 }
 
@@ -195,8 +195,8 @@ fn turn(log: &mut Log) {
     });
 }
 
-/// Of increments the sums of two: what turns between them is a millionth of them.
-fn halve(log: &mut Log) {
+/// Increments are added in pairs: the rotation between the two is negligible, a millionth.
+fn halve_sample_rate(log: &mut Log) {
     let samples: Vec<_> = log.imu.iter().collect();
     let increments = log.meta.imu == ImuOutput::Increments;
     let halved = samples
@@ -212,8 +212,8 @@ fn halve(log: &mut Log) {
     log.imu = halved.collect::<Vec<_>>().into();
 }
 
-/// About the first position, clockwise: east becomes south.
-fn turn_world(log: &mut Log) {
+/// Rotates positions and velocities about the first position by 90 deg clockwise: east becomes south.
+fn turn_trajectory(log: &mut Log) {
     log.meta.initial_heading_deg = None;
     let turned = |v: Vector2<f64>| Vector2::new(v.y, -v.x);
     each_fix(log, |fix| {
@@ -224,9 +224,9 @@ fn turn_world(log: &mut Log) {
     };
     let origin = at(first, 0.0);
     each_fix(log, |fix| {
-        fix.position = fix.position.map(|place| {
-            let away = turned(at(place, 0.0).enu_from(&origin).xy());
-            displaced(&origin, &Vector3::new(away.x, away.y, 0.0)).lat_lon()
+        fix.position = fix.position.map(|position| {
+            let offset_m = turned(at(position, 0.0).enu_from(&origin).xy());
+            displaced(&origin, &Vector3::new(offset_m.x, offset_m.y, 0.0)).lat_lon()
         });
     });
 }
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_found_follows_a_log_that_is_altered() {
+    fn estimates_follow_the_alterations_of_a_log() {
         let drive = simulate(&DriveConfig::new(3, Grade::Mems, 12.0));
         let log = drive.into_log(BodyAxes::Rfu, ImuOutput::Rates);
         let end = end(&log);
@@ -260,10 +260,10 @@ mod tests {
                 assert!(sigmas.abs() < 3.0, "{}: {name} {sigmas}", altered.how);
             }
         }
-        // What does not follow shows.
+        // The comparison detects estimates that do not follow.
         let mut late = log;
         stamp(&mut late, 0.15);
-        let [as_it_was, is] = [end, self::end(&late)].map(|end| columns(BodyAxes::Rfu, &end));
-        assert!(compare("", &as_it_was, Some(&is)).differences[6].sigmas > 10.0);
+        let [unaltered, found] = [end, self::end(&late)].map(|end| columns(BodyAxes::Rfu, &end));
+        assert!(compare("", &unaltered, Some(&found)).differences[6].sigmas > 10.0);
     }
 }

@@ -18,18 +18,18 @@ use crate::identify::quantities::Quantity;
 use crate::identify::run::{Identification, identify};
 use crate::log::{Grade, Log};
 
-/// What a log is for.
+/// Use of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// Looked at while the core changes.
+    /// Used while the core is developed.
     Development,
-    /// Looked at to see whether a change was right.
+    /// Used to judge the result.
     Judge,
 }
 
-/// Folder names of the development logs: about half of those at hand, some of each kind of
-/// vehicle, both recordings of one flight together. Any other log judges.
+/// Folder names of the development logs: about half of those available, some of each kind of vehicle, both
+/// recordings of one flight together. All others are judges.
 const DEVELOPMENT: [&str; 7] = [
     "instinct_vn310_static",
     "plane_px4",
@@ -54,18 +54,16 @@ impl Role {
     }
 }
 
-/// Two estimators share the noise of a log: what parts them is what each leaves out, and neither
-/// states that. By quantity, in the order and units of [`COMPARED`]; small beside what the class is
-/// used for.
+/// Allowances for model errors, which the sigmas do not include: two estimators share the noise of a log, and
+/// differ by these. In the order and units of [`COMPARED`]; small compared with what the class is used for.
 const ALLOWED: [f64; 8] = [0.3, 0.5, 0.5, 0.5, 10.0, 10.0, 10.0, 3.0];
 
-/// What the allowances are, for people.
+/// The allowances as text.
 pub const ALLOWANCE: &str = "heading 0.3 deg, accelerometers 0.5 mg, gyros 10 deg/h, latency 3 ms";
 
-/// A parameter that the core can do without, and what holds it at zero.
+/// An optional parameter of the core, and the function that sets its prior sigma to zero.
 pub type Optional = (&'static str, fn(&mut Config));
 
-/// All of them: a prior spread of nothing.
 pub const OPTIONAL: [Optional; 5] = [
     ("delay of positions", |c| {
         c.gnss.position_delay_sigma_s = 0.0;
@@ -78,8 +76,8 @@ pub const OPTIONAL: [Optional; 5] = [
     }),
 ];
 
-fn held(mut config: Config, hold: fn(&mut Config)) -> Config {
-    hold(&mut config);
+fn reduced(mut config: Config, set_zero: fn(&mut Config)) -> Config {
+    set_zero(&mut config);
     config
 }
 
@@ -88,21 +86,21 @@ pub struct LogStudy {
     pub log: String,
     pub role: Role,
     pub duration_s: f64,
-    /// Class of sensors that the core was told.
+    /// Class of sensors that the core is configured with.
     pub grade: Grade,
-    /// Second minus first half; none of a log too short to cut.
+    /// Second minus first half; none if the log is too short.
     pub halves: Option<Vec<Difference>>,
     /// The core minus other methods.
     pub methods: Vec<Agreement>,
-    /// The log altered in known ways; none where it never navigated.
+    /// The log altered in known ways; none if it never navigated.
     pub altered: Vec<Altered>,
-    /// Drifts; none where no outage fits.
+    /// Drifts; none if no outage fits.
     pub outages: Option<Outages>,
-    /// Velocity error of a free INS; none where no window fits.
+    /// Velocity error of a free INS; none if no window fits.
     pub free: Option<Free>,
-    /// The core with a parameter less.
+    /// The core without each optional parameter.
     pub without: Vec<Without>,
-    /// Of the receiver's positions; none of too few fixes.
+    /// Of the receiver's positions; none with too few fixes.
     pub wander: Option<Wander>,
 }
 
@@ -112,7 +110,7 @@ pub struct Outages {
     pub count: usize,
     pub core_m: f64,
     pub kalman_m: f64,
-    /// fusion-nav, where it is built in.
+    /// fusion-nav, if it is built in.
     pub fusion_nav_m: Option<f64>,
 }
 
@@ -123,7 +121,7 @@ pub struct Free {
     pub before_mps: f64,
     /// Estimates applied.
     pub after_mps: f64,
-    /// Whether anything is called observable.
+    /// Whether anything is observable.
     pub observable: bool,
 }
 
@@ -140,23 +138,23 @@ pub struct Without {
 
 impl LogStudy {
     pub fn of_log(name: String, log: &Log, grade: Grade) -> Result<Self, ConfigError> {
-        let bench = Bench::new(log, grade)?;
+        let tests = LogTests::new(log, grade)?;
         let (found, kalman) = rayon::join(
-            || identify(log, bench.input.config, &ProgressBar::hidden()),
-            || tracks::kalman("Kalman", bench.input.noise, &bench.input),
+            || identify(log, tests.input.config, &ProgressBar::hidden()),
+            || tracks::kalman("Kalman", tests.input.noise, &tests.input),
         );
         let (found, kalman) = (found?, kalman?);
         let points = tracks::points(&found.history, &found.end);
-        let end = bench.end(&points);
+        let end = tests.end(&points);
         let altered = points.last().map(|end| altered::test(log, grade, end));
         let (stages, outages) = rayon::join(
-            || tracks::five_stage("five stages", five_stage::REPEATED, &bench.input),
-            || bench.outages(),
+            || tracks::five_stage("five stages", five_stage::REPEATED, &tests.input),
+            || tests.outages(),
         );
         let others = [kalman, stages?];
         let methods = others.iter().filter_map(|track| {
-            let theirs = bench.end(&track.points)?;
-            Some(Agreement::new(&track.method, end.as_ref()?, &theirs))
+            let other = tests.end(&track.points)?;
+            Some(Agreement::new(&track.method, end.as_ref()?, &other))
         });
         Ok(Self {
             role: Role::of(&name),
@@ -168,7 +166,7 @@ impl LogStudy {
             altered: altered.transpose()?.unwrap_or_default(),
             outages: outages?,
             free: free(&found, end.as_ref()),
-            without: (end.as_ref()).map_or(Ok(Vec::new()), |end| bench.without(grade, end))?,
+            without: (end.as_ref()).map_or(Ok(Vec::new()), |end| tests.without(grade, end))?,
             wander: Wander::of(&log.gnss),
         })
     }
@@ -179,12 +177,12 @@ impl LogStudy {
 }
 
 /// A log with all that its tests need.
-struct Bench<'a> {
+struct LogTests<'a> {
     input: Input<'a>,
     outage_plan: Option<OutagePlan<'a>>,
 }
 
-impl<'a> Bench<'a> {
+impl<'a> LogTests<'a> {
     fn new(log: &'a Log, grade: Grade) -> Result<Self, ConfigError> {
         let config = configure::config(log, grade);
         Ok(Self {
@@ -198,7 +196,7 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// What a method says at its end; `None` if it never navigated.
+    /// Final estimates of a method; `None` if it never navigated.
     fn end(&self, points: &[tracks::Point]) -> Option<[Quantity; 8]> {
         let axes = self.input.log.meta.body_axes;
         points.last().map(|point| columns(axes, point))
@@ -218,33 +216,33 @@ impl<'a> Bench<'a> {
         }))
     }
 
-    /// The core without each of the parameters that it is configured to find.
+    /// The core without each of the optional parameters that it estimates.
     fn without(&self, grade: Grade, end: &[Quantity; 8]) -> Result<Vec<Without>, ConfigError> {
         (OPTIONAL.par_iter())
-            .filter(|(_, hold)| held(self.input.config, *hold) != self.input.config)
+            .filter(|(_, set_zero)| reduced(self.input.config, *set_zero) != self.input.config)
             .filter_map(|optional| self.without_one(*optional, grade, end).transpose())
             .collect()
     }
 
     fn without_one(
         &self,
-        (parameter, hold): Optional,
+        (parameter, set_zero): Optional,
         grade: Grade,
         ours: &[Quantity; 8],
     ) -> Result<Option<Without>, ConfigError> {
         let log = self.input.log;
-        let config = held(self.input.config, hold);
+        let config = reduced(self.input.config, set_zero);
         let found = identify(log, config, &ProgressBar::hidden())?;
-        let Some(theirs) = self.end(&tracks::points(&found.history, &found.end)) else {
+        let Some(other) = self.end(&tracks::points(&found.history, &found.end)) else {
             return Ok(None);
         };
         let plan = self.outage_plan.as_ref();
         let drifts = plan.map(|plan| plan.core(config)).transpose()?;
         Ok(Some(Without {
             parameter,
-            agreement: Agreement::new(parameter, ours, &theirs),
+            agreement: Agreement::new(parameter, ours, &other),
             halves: halves::test(log, &found, &|half| {
-                held(configure::config(half, grade), hold)
+                reduced(configure::config(half, grade), set_zero)
             })?,
             outage_m: drifts.map(|drifts| drifts.position_rms_m),
         }))
@@ -263,7 +261,7 @@ fn free(found: &Identification, end: Option<&[Quantity; 8]>) -> Option<Free> {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
     pub with: String,
-    /// Of what both call observable.
+    /// Of quantities that are observable in both.
     pub differences: Vec<Difference>,
 }
 
@@ -271,12 +269,12 @@ impl Agreement {
     pub fn new(with: &str, core: &[Quantity; 8], other: &[Quantity; 8]) -> Self {
         let differences = core.iter().zip(other).enumerate();
         let observable = differences
-            .filter(|(_, (ours, theirs))| ours.observable() && theirs.observable())
-            .map(|(which, (ours, theirs))| {
-                let apart = ours.value - theirs.value;
-                let apart = if which == 0 { wrap_deg(apart) } else { apart };
-                let sigmas = [ours.sigma, theirs.sigma];
-                Difference::new(COMPARED[which].0, apart, sigmas, ALLOWED[which])
+            .filter(|(_, (ours, other))| ours.observable() && other.observable())
+            .map(|(which, (ours, other))| {
+                let value = ours.value - other.value;
+                let value = if which == 0 { wrap_deg(value) } else { value };
+                let sigmas = [ours.sigma, other.sigma];
+                Difference::new(COMPARED[which].0, value, sigmas, ALLOWED[which])
             });
         Self {
             with: with.to_owned(),

@@ -1,9 +1,9 @@
-//! What recorded logs, which have no truth, can tell of the core.
+//! Tests of the core on recorded logs, which have no truth.
 //!
-//! Six tests on every log: the constants that its two halves show; the core beside the Kalman
-//! filter, the five stages, and itself with a parameter less; what it finds where the log is altered in
-//! a known way; outages of 30 s; a free INS with and without the estimates; and how far the receiver's
-//! positions wander. Logs on which the core is developed are counted apart from those that judge it.
+//! Six tests on every log: constants estimated on its two halves; the core against the Kalman filter, the five
+//! stages, and itself with one parameter less; the log altered in known ways; outages of 30 s; a free INS with
+//! and without the estimates; and the wander of the receiver's positions. Development logs are counted
+//! separately from those that judge.
 
 mod altered;
 mod log_study;

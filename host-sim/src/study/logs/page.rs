@@ -1,7 +1,7 @@
-//! The study as text: one table a test, development logs and judges apart.
+//! The study as text: a table for each test, with development logs and judges separate.
 
 use super::log_study::{ALLOWANCE, LogStudy, Role};
-use super::summary::{Spread, Study, Summary};
+use super::summary::{Statistics, Study, Summary};
 use super::wander;
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
@@ -18,19 +18,19 @@ pub fn plain(study: &Study) -> String {
         without_table(study),
         wander_table(study),
     ];
-    mute(study) + &titled(&parts, Table::plain) + "\n"
+    logs_without_results(study) + &titled(&parts, Table::plain) + "\n"
 }
 
-/// Names the logs of which no test says anything: they must not be missed.
-fn mute(study: &Study) -> String {
-    let says_nothing = |log: &&LogStudy| {
+/// Names of the logs without any result, which are missing in the tables.
+fn logs_without_results(study: &Study) -> String {
+    let has_no_result = |log: &&LogStudy| {
         log.halves.is_none()
             && log.methods.iter().all(|row| row.differences.is_empty())
             && log.altered_differences().next().is_none()
             && log.outages.is_none()
             && log.free.is_none()
     };
-    let names: Vec<&str> = (study.logs.iter().filter(says_nothing))
+    let names: Vec<&str> = (study.logs.iter().filter(has_no_result))
         .map(|log| log.log.as_str())
         .collect();
     if names.is_empty() {
@@ -52,7 +52,7 @@ const WITHOUT: &str = "PARAMETERS: the core with one held at zero: itself with i
     in joint sigmas (as METHODS),\nhalves without it, and drift without it over drift with it \
     (geometric mean). What does not pay here, on judges, goes.";
 
-/// Rows of the logs of each role, then what they say together.
+/// Rows of the logs of each role, then their summary.
 fn by_role(
     study: &Study,
     log: impl Fn(&LogStudy) -> Option<Vec<String>>,
@@ -62,11 +62,11 @@ fn by_role(
     for summary in study.summaries.iter().filter(|summary| summary.logs > 0) {
         for study in study.logs.iter().filter(|log| log.role == summary.role) {
             if let Some(row) = log(study) {
-                rows.push(named(&study.log, row));
+                rows.push(with_name(&study.log, row));
             }
         }
         let name = format!("= {}", side(summary.role));
-        rows.push(named(&name, total(summary)));
+        rows.push(with_name(&name, total(summary)));
     }
     rows
 }
@@ -78,7 +78,7 @@ fn side(role: Role) -> &'static str {
     }
 }
 
-fn named(name: &str, mut row: Vec<String>) -> Vec<String> {
+fn with_name(name: &str, mut row: Vec<String>) -> Vec<String> {
     row.insert(0, name.to_owned());
     row
 }
@@ -87,17 +87,17 @@ fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"))
 }
 
-fn spread(spread: &Spread) -> Vec<String> {
+fn statistics_cells(all: &Statistics) -> Vec<String> {
     vec![
-        spread.count.to_string(),
-        number(spread.rms),
-        number(spread.rms_plain),
-        spread.beyond_3.to_string(),
-        spread.beyond_4.to_string(),
+        all.count.to_string(),
+        number(all.rms),
+        number(all.rms_plain),
+        all.beyond_3.to_string(),
+        all.beyond_4.to_string(),
     ]
 }
 
-/// The difference and, in brackets, its sigmas.
+/// The difference, with its sigmas in brackets.
 fn cell(difference: &Difference) -> String {
     let sigma = libm::hypot(difference.joint_sigma, difference.allowance);
     let (value, sigmas) = (difference.value, difference.sigmas);
@@ -113,7 +113,7 @@ fn halves_table(study: &Study) -> Table {
     header.extend(names.iter().cloned());
     let log = |log: &LogStudy| {
         let halves = log.halves.as_ref()?;
-        let mut row = spread(&Spread::of(halves.iter()));
+        let mut row = statistics_cells(&Statistics::of(halves.iter()));
         row.extend(names.iter().map(|name| {
             let found = halves.iter().find(|difference| difference.name == *name);
             found.map_or_else(|| "-".to_owned(), cell)
@@ -126,7 +126,7 @@ fn halves_table(study: &Study) -> Table {
          carried.",
         halves::ALLOWANCE
     );
-    let rows = by_role(study, log, |summary| spread(&summary.halves));
+    let rows = by_role(study, log, |summary| statistics_cells(&summary.halves));
     Table::of(title, header, rows)
 }
 
@@ -143,13 +143,13 @@ fn methods_table(study: &Study) -> Table {
         rows.push(vec![format!("-- {name}")]);
         let log = |log: &LogStudy| {
             let agreement = log.methods.iter().find(|row| row.with == *name)?;
-            let mut row = spread(&Spread::of(agreement.differences.iter()));
-            row.push(beyond(&agreement.differences));
+            let mut row = statistics_cells(&Statistics::of(agreement.differences.iter()));
+            row.push(large_differences(&agreement.differences));
             Some(row)
         };
         let total = |summary: &Summary| {
             let of_it = summary.methods.iter().find(|(with, _)| with == name);
-            of_it.map_or_else(Vec::new, |(_, all)| spread(all))
+            of_it.map_or_else(Vec::new, |(_, all)| statistics_cells(all))
         };
         rows.extend(by_role(study, log, total));
     }
@@ -160,18 +160,18 @@ fn methods_table(study: &Study) -> Table {
     Table::of(title, header, rows)
 }
 
-/// Those that need an explanation.
-fn beyond(differences: &[Difference]) -> String {
-    let wide = differences.iter().filter(|d| d.sigmas.abs() > 3.0);
-    let words: Vec<String> = wide.map(|d| format!("{} {}", d.name, cell(d))).collect();
-    words.join(", ")
+/// Differences beyond three sigmas.
+fn large_differences(differences: &[Difference]) -> String {
+    let large = differences.iter().filter(|d| d.sigmas.abs() > 3.0);
+    let texts: Vec<String> = large.map(|d| format!("{} {}", d.name, cell(d))).collect();
+    texts.join(", ")
 }
 
 fn altered_table(study: &Study) -> Table {
     let header = heads("| n | RMS | >3 | >4 | lost | largest");
-    // Nothing is allowed besides.
-    let spread = |all: &Spread| {
-        let mut cells = spread(all);
+    // There are no allowances.
+    let cells_of = |all: &Statistics| {
+        let mut cells = statistics_cells(all);
         cells.remove(2);
         cells
     };
@@ -180,14 +180,14 @@ fn altered_table(study: &Study) -> Table {
             .flat_map(|altered| altered.differences.iter().map(move |d| (altered.how, d)));
         let largest = all.max_by(|a, b| a.1.sigmas.abs().total_cmp(&b.1.sigmas.abs()));
         let lost: usize = log.altered.iter().map(|altered| altered.lost).sum();
-        let mut row = spread(&Spread::of(log.altered_differences()));
+        let mut row = cells_of(&Statistics::of(log.altered_differences()));
         row.push(lost.to_string());
         row.push(largest.map_or_else(String::new, |(how, largest)| {
             format!("{} {}: {how}", largest.name, cell(largest))
         }));
         (largest.is_some() || lost > 0).then_some(row)
     };
-    let total = |summary: &Summary| spread(&summary.altered);
+    let total = |summary: &Summary| cells_of(&summary.altered);
     Table::of(ALTERED, header, by_role(study, log, total))
 }
 
@@ -245,7 +245,7 @@ fn without_table(study: &Study) -> Table {
     let mut rows = Vec::new();
     for summary in study.summaries.iter().filter(|summary| summary.logs > 0) {
         let role = side(summary.role);
-        let halves = |halves: &Spread| {
+        let halves = |halves: &Statistics| {
             vec![
                 number(halves.rms),
                 number(halves.rms_plain),
@@ -255,12 +255,12 @@ fn without_table(study: &Study) -> Table {
         let mut all = vec![String::new(); 5];
         all.extend(halves(&summary.halves));
         all.push("1".to_owned());
-        rows.push(named(&format!("{role}: with all"), all));
+        rows.push(with_name(&format!("{role}: with all"), all));
         for without in &summary.without {
-            let mut row = spread(&without.agreement);
+            let mut row = statistics_cells(&without.agreement);
             row.extend(halves(&without.halves));
             row.push(number(without.outage_ratio));
-            rows.push(named(&format!("{role}: no {}", without.parameter), row));
+            rows.push(with_name(&format!("{role}: no {}", without.parameter), row));
         }
     }
     Table::of(WITHOUT, header, rows)

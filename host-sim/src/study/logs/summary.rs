@@ -1,4 +1,4 @@
-//! What many logs say together.
+//! Statistics over the logs.
 
 use serde::Serialize;
 
@@ -6,24 +6,25 @@ use super::log_study::{LogStudy, OPTIONAL, Outages, Role};
 use crate::identify::halves::Difference;
 use crate::statistics::{geometric_mean, rms_of_any};
 
+/// Of differences in sigmas.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
+pub struct Statistics {
     pub count: usize,
-    /// Root mean square, sigmas; honest ones have 1.
+    /// RMS, sigmas; one if these are consistent.
     pub rms: Option<f64>,
-    /// The same as found and as stated, without allowances.
+    /// The same without allowances.
     pub rms_plain: Option<f64>,
     pub beyond_3: usize,
     pub beyond_4: usize,
 }
 
-impl Spread {
+impl Statistics {
     /// Of any number of differences.
-    #[allow(clippy::needless_pass_by_value)] // An iterator, gone through twice.
+    #[allow(clippy::needless_pass_by_value)] // An iterator that is used several times.
     pub fn of<'a>(differences: impl Iterator<Item = &'a Difference> + Clone) -> Self {
         let beyond = |limit: f64| {
-            let wide = |d: &&Difference| d.sigmas.abs() > limit;
-            differences.clone().filter(wide).count()
+            let is_beyond = |d: &&Difference| d.sigmas.abs() > limit;
+            differences.clone().filter(is_beyond).count()
         };
         Self {
             count: differences.clone().count(),
@@ -35,11 +36,11 @@ impl Spread {
     }
 }
 
-/// All logs, and what they say together.
+/// All logs, and their statistics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
     pub logs: Vec<LogStudy>,
-    /// Development logs and judges apart.
+    /// Of development logs and of judges.
     pub summaries: [Summary; 2],
 }
 
@@ -54,10 +55,10 @@ impl Study {
 pub struct Summary {
     pub role: Role,
     pub logs: usize,
-    pub halves: Spread,
-    /// The core beside each other method.
-    pub methods: Vec<(String, Spread)>,
-    pub altered: Spread,
+    pub halves: Statistics,
+    /// The core against each other method.
+    pub methods: Vec<(String, Statistics)>,
+    pub altered: Statistics,
     pub outages: OutageSummary,
     /// Logs whose free INS is better with the estimates, of those where anything is observable.
     pub free_better: [usize; 2],
@@ -65,7 +66,7 @@ pub struct Summary {
     pub without: Vec<WithoutSummary>,
 }
 
-/// Drifts over many logs.
+/// Drift over many logs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OutageSummary {
     /// Logs with outages.
@@ -82,9 +83,9 @@ pub struct OutageSummary {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WithoutSummary {
     pub parameter: &'static str,
-    /// The core beside itself without it.
-    pub agreement: Spread,
-    pub halves: Spread,
+    /// The core against itself without it.
+    pub agreement: Statistics,
+    pub halves: Statistics,
     /// Drift without it over drift with it, geometric mean.
     pub outage_ratio: Option<f64>,
 }
@@ -97,9 +98,9 @@ impl Summary {
         Self {
             role,
             logs: logs.len(),
-            halves: Spread::of(logs.iter().flat_map(|log| log.halves.iter().flatten())),
+            halves: Statistics::of(logs.iter().flat_map(|log| log.halves.iter().flatten())),
             methods: methods(&logs),
-            altered: Spread::of(logs.iter().flat_map(|log| log.altered_differences())),
+            altered: Statistics::of(logs.iter().flat_map(|log| log.altered_differences())),
             outages: outages(&logs),
             free_better: [better.count(), observable().count()],
             without: without(&logs),
@@ -107,17 +108,18 @@ impl Summary {
     }
 }
 
-fn methods(logs: &[&LogStudy]) -> Vec<(String, Spread)> {
-    let mut named: Vec<(String, Vec<&Difference>)> = Vec::new();
+fn methods(logs: &[&LogStudy]) -> Vec<(String, Statistics)> {
+    let mut by_name: Vec<(String, Vec<&Difference>)> = Vec::new();
     for agreement in logs.iter().flat_map(|log| &log.methods) {
         let differences = &agreement.differences;
-        match named.iter_mut().find(|(name, _)| *name == agreement.with) {
+        match by_name.iter_mut().find(|(name, _)| *name == agreement.with) {
             Some((_, all)) => all.extend(differences),
-            None => named.push((agreement.with.clone(), differences.iter().collect())),
+            None => by_name.push((agreement.with.clone(), differences.iter().collect())),
         }
     }
-    let spread = |(name, all): (String, Vec<&Difference>)| (name, Spread::of(all.into_iter()));
-    named.into_iter().map(spread).collect()
+    let statistics =
+        |(name, all): (String, Vec<&Difference>)| (name, Statistics::of(all.into_iter()));
+    by_name.into_iter().map(statistics).collect()
 }
 
 fn outages(logs: &[&LogStudy]) -> OutageSummary {
@@ -150,8 +152,8 @@ fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
             .filter_map(|(log, row)| Some(row.outage_m? / log.outages.as_ref()?.core_m));
         WithoutSummary {
             parameter,
-            agreement: Spread::of(rows.iter().flat_map(|(_, row)| &row.agreement.differences)),
-            halves: Spread::of(rows.iter().flat_map(|(_, row)| row.halves.iter().flatten())),
+            agreement: Statistics::of(rows.iter().flat_map(|(_, row)| &row.agreement.differences)),
+            halves: Statistics::of(rows.iter().flat_map(|(_, row)| row.halves.iter().flatten())),
             outage_ratio: geometric_mean(ratio),
         }
     };

@@ -1,4 +1,4 @@
-//! A simulated drive, and what was found on it.
+//! A simulated drive, and the estimates on it.
 
 use indicatif::ProgressBar;
 use ins_core::config::{Feedback, Form};
@@ -17,33 +17,33 @@ use crate::log::{BodyAxes, Log};
 use crate::sim::{DriveConfig, SimulatedDrive, simulate};
 use crate::study::accuracy;
 
-/// Interval between errors kept, s.
+/// Interval between velocity errors, s.
 const EVERY_S: f64 = 1.0;
 
-/// East and north, over seconds.
+/// East and north, m/s, over time, s.
 pub(super) type Velocities = Vec<(f64, Vector2<f64>)>;
 
 pub(super) struct Drive {
     /// With its truth.
     pub(super) log: Log,
-    /// The same without the noise of the gyros.
-    pub(super) without_walk: Log,
+    /// The same without white noise of the gyros.
+    pub(super) without_arw: Log,
     pub(super) config: Config,
-    /// The damped INS, nothing found fed back: literal form.
+    /// The damped INS without feedback, literal form.
     pub(super) open: Vec<Row>,
     /// The core as it is.
     pub(super) found: Identification,
     pub(super) stages: FiveStage,
 }
 
-/// A drive as a log, and what a navigator is told of it.
+/// A drive as a log, and the configuration of the core for it.
 pub(super) fn log_of(drive: SimulatedDrive) -> (Log, Config) {
     let output = accuracy::config_of(GRADE).imu_output;
     let config = config_of(GRADE, output, drive.given_heading_rad);
     (drive.into_log(BodyAxes::Rfu, output), config)
 }
 
-/// The damped INS of the thesis, nothing found fed back.
+/// Configuration of the damped INS of the thesis, without feedback.
 pub(super) fn open(config: Config) -> Config {
     Config {
         form: Form::Literal,
@@ -58,7 +58,7 @@ impl Drive {
         plan.recording.truth_every = 1;
         let (log, config) = log_of(simulate(&plan));
         plan.recording.errors.gyro_deg_h.white_noise = 0.0;
-        let without_walk = Log {
+        let without_arw = Log {
             gnss: Vec::new(),
             truth: Vec::new(),
             ..log_of(simulate(&plan)).0
@@ -69,7 +69,7 @@ impl Drive {
             found: identify(&log, config, &ProgressBar::hidden())?,
             stages: five_stage::run(&log, config, five_stage::REPEATED)?,
             config,
-            without_walk,
+            without_arw,
             log,
         })
     }
@@ -80,14 +80,14 @@ impl Drive {
         first.map_or(0.0, |first| time.seconds_since(first.time))
     }
 
-    /// What really happened at the stamp of an inertial sample.
+    /// Truth at the stamp of an inertial sample.
     pub(super) fn truth(&self, time: Time) -> Option<&Solution> {
         let at = self.log.truth.binary_search_by_key(&time, |row| row.time);
         at.ok().map(|at| &self.log.truth[at])
     }
 
-    /// Velocity error of an INS let go at `start` on the readings of `log` less `known`, once a
-    /// second until `end`, and then; times are since the first sample. Its height is held.
+    /// Velocity error of a free INS from `start` on the readings of `log` less `known`, once a second until
+    /// `end`, and at `end`; times are since the first sample. Its vertical channel is damped.
     pub(super) fn free(
         &self,
         log: &Log,
@@ -98,7 +98,7 @@ impl Drive {
         let mut ins = BaroAidedIns::new(start);
         let mut height_m = start.position.height_m;
         let (mut errors, mut last) = (Velocities::new(), start.time);
-        // Samples may end: so do the errors.
+        // The errors end where the samples end.
         let _ = feed_intervals(log, start.time, &[], |interval: &Interval, time| {
             let [gyro, accel] = known(time);
             ins.step(
@@ -118,12 +118,12 @@ impl Drive {
         errors
     }
 
-    /// Biases found by the stages: gyros at a time, and accelerometers.
+    /// Biases estimated by the stages: gyros at a time, and accelerometers.
     pub(super) fn found(&self, time: Time) -> [Vector3<f64>; 2] {
         [self.stages.gyros.at(time), self.accels()]
     }
 
-    /// Accelerometer biases found by the stages.
+    /// Accelerometer biases estimated by the stages.
     pub(super) fn accels(&self) -> Vector3<f64> {
         Vector3::from(self.stages.estimates.accel_bias_mps2.map(|bias| bias.value))
     }

@@ -12,14 +12,14 @@ use crate::page::sheet::{self, Panel};
 use crate::sim::ErrorModel;
 use crate::statistics::rms;
 use crate::study::flights::route::Route;
-use crate::study::flights::run::{Settings as Flown, run_alone};
+use crate::study::flights::run::{Settings as FlightSettings, run_alone};
 use crate::study::flights::summary::THESIS_KM;
 
-/// Damped by GNSS, and free after that, min.
+/// Durations with GNSS, and free after it, min.
 const AIDED_MIN: u32 = 40;
 const FREE_MIN: u32 = 60;
 /// Random walk with which the thesis's figure is reached, deg/sqrt(h).
-const GOOD_WALK_DEG_SQRT_H: f64 = 0.01;
+const SMALL_WALK_DEG_SQRT_H: f64 = 0.01;
 
 /// A line of the thesis's Table 2.
 #[derive(Debug)]
@@ -83,14 +83,14 @@ pub(super) fn table_2() -> Result<Part> {
     })
 }
 
-/// Route flights on the estimates found while GNSS was there.
+/// Free flights on the estimates that were found with GNSS.
 pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Result<Part> {
-    let mut good = class.clone();
+    let mut small_walk = class.clone();
     // deg/sqrt(h) is deg/h/sqrt(Hz) / 60.
-    good.gyro_deg_h.white_noise = 60.0 * GOOD_WALK_DEG_SQRT_H;
+    small_walk.gyro_deg_h.white_noise = 60.0 * SMALL_WALK_DEG_SQRT_H;
     let growths = [
         growth(settings, route, class)?,
-        growth(settings, route, &good)?,
+        growth(settings, route, &small_walk)?,
     ];
     let end = |which: usize| growths[which].last().copied().unwrap_or(f64::NAN);
     let walk = class.gyro_deg_h.white_noise / 60.0;
@@ -108,7 +108,7 @@ pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Re
              however good the estimates.",
             settings.flights
         ),
-        numbers: vec![number(walk, 0), number(GOOD_WALK_DEG_SQRT_H, 1)],
+        numbers: vec![number(walk, 0), number(SMALL_WALK_DEG_SQRT_H, 1)],
         svg: Some(picture(&growths, walk)),
         csv: csv(
             "minute,rms_km,rms_small_walk_km",
@@ -121,13 +121,13 @@ pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Re
 
 /// RMS position error at each minute of the free part, km.
 fn growth(settings: &Settings, route: &Route, errors: &ErrorModel) -> Result<Vec<f64>> {
-    let flown = Flown {
+    let flight_settings = FlightSettings {
         minutes_aided: AIDED_MIN,
         minutes_free: FREE_MIN,
         errors: errors.clone(),
     };
     let flights = (settings.seeds(settings.flights).into_par_iter())
-        .map(|seed| run_alone(seed, route, &flown).map(|(_, errors)| errors))
+        .map(|seed| run_alone(seed, route, &flight_settings).map(|(_, errors)| errors))
         .collect::<Result<Vec<_>, _>>()
         .into_diagnostic()?;
     let at = |minute: usize| {
@@ -138,19 +138,19 @@ fn growth(settings: &Settings, route: &Route, errors: &ErrorModel) -> Result<Vec
     Ok((0..FREE_MIN as usize).map(at).collect())
 }
 
-fn picture([class, good]: &[Vec<f64>; 2], walk: f64) -> String {
+fn picture([class, small_walk]: &[Vec<f64>; 2], walk: f64) -> String {
     let line = |values: &[f64]| -> Vec<(f64, f64)> {
         let minutes = (1..).map(f64::from);
         minutes.zip(values.iter().copied()).collect()
     };
-    let (class, good) = (line(class), line(good));
+    let (class, small_walk) = (line(class), line(small_walk));
     let thesis = vec![(0.0, THESIS_KM), (f64::from(FREE_MIN), THESIS_KM)];
-    let values = class.iter().chain(&good).map(|point| point.1);
+    let values = class.iter().chain(&small_walk).map(|point| point.1);
     let y = padded(values.chain([0.0]), 1e-2);
     let marks = vec![
         Mark::Reference(thesis, RED),
         Mark::Line(class, BLUE),
-        Mark::Line(good, GREEN),
+        Mark::Line(small_walk, GREEN),
     ];
     let plot = sheet::plot(
         ["time without GNSS, min", "km"],
@@ -159,7 +159,7 @@ fn picture([class, good]: &[Vec<f64>; 2], walk: f64) -> String {
         marks,
     );
     sheet::svg(&[Panel {
-        title: format!("RMS position error, walk {walk} and {GOOD_WALK_DEG_SQRT_H}"),
+        title: format!("RMS position error, walk {walk} and {SMALL_WALK_DEG_SQRT_H}"),
         svg: plot.svg(),
         keys: vec![
             (BLUE, "typical walk of the class"),

@@ -1,4 +1,4 @@
-//! What Table 1 argues: the laboratory does not foretell a flight, drives do.
+//! The argument of Table 1: drives predict the errors of a flight, a laboratory does not.
 
 use indicatif::ProgressBar;
 use ins_core::attitude::matrix;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::drive::{Velocities, log_of};
 use super::part::{Part, Settings, here};
-use super::velocity::{flown, free, size, vehicles};
+use super::velocity::{flown, free, rms_velocity, vehicles};
 use crate::identify::error_model::{Identified, Record};
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
@@ -20,20 +20,19 @@ use crate::sim::{ErrorModel, SimulatedDrive};
 use crate::statistics::rms;
 use crate::study::flights::route::Route;
 
-/// Spread of what the aircraft's vibration rectifies into and of what warming up adds in the end,
-/// deg/h; time constant of the latter, s.
+/// Sigmas of the vibration rectification in the aircraft and of the final bias by warming up, deg/h; time
+/// constant of the latter, s.
 const RECTIFIED_DEG_H: f64 = 1.5;
 const WARMED_DEG_H: f64 = 1.0;
 const WARMING_S: f64 = 1200.0;
 
-/// In the laboratory, in the car and in the aircraft: vibration, RMS, and warming up, both in parts
-/// of the aircraft's.
-const SURROUNDINGS: [[f64; 2]; 3] = [[0.0, 0.0], [0.9, 1.0], [1.0, 1.0]];
+/// RMS vibration and warming up in the laboratory, in the car and in the aircraft, relative to the aircraft.
+const ENVIRONMENTS: [[f64; 2]; 3] = [[0.0, 0.0], [0.9, 1.0], [1.0, 1.0]];
 
 /// A unit at rest, driven and flown.
 struct Unit {
     errors: [Velocities; 3],
-    /// Mean of its gyros in the laboratory less the Earth's rotation.
+    /// Mean gyro reading in the laboratory less Earth rate.
     in_laboratory_deg_h: Vector3<f64>,
     drive: Record,
 }
@@ -44,15 +43,15 @@ pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
     let units = seeds()
         .map(|seed| Unit::new(seed, minutes, route))
         .collect::<Result<Vec<Unit>>>()?;
-    let foretold = |model: &ErrorModel| {
+    let predicted = |model: &ErrorModel| {
         let fly = |seed| Ok(free(&flown(seed, minutes, route, model)?));
         let flights = seeds().map(fly).collect::<Result<Vec<Velocities>>>()?;
-        Ok::<_, miette::Report>(size(flights.iter()))
+        Ok::<_, miette::Report>(rms_velocity(flights.iter()))
     };
     let models = models(&units);
-    let [rest, drives] = [foretold(&models[0])?, foretold(&models[1])?];
+    let [rest, drives] = [predicted(&models[0])?, predicted(&models[1])?];
     let [laboratory, car, aircraft] =
-        [0, 1, 2].map(|which| size(units.iter().map(|unit| &unit.errors[which])));
+        [0, 1, 2].map(|which| rms_velocity(units.iter().map(|unit| &unit.errors[which])));
     let numbers = [
         ("in the laboratory, m/s RMS", laboratory),
         ("in the car, m/s RMS", car),
@@ -84,7 +83,7 @@ pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
              of the drives is what `identify` makes of them, which has no term for either. Both \
              models then fly in sensors that answer to nothing.",
             units.len(),
-            SURROUNDINGS[1][0],
+            ENVIRONMENTS[1][0],
             WARMING_S / 60.0
         ),
         numbers: numbers.map(|(what, value)| here(what, value)).into(),
@@ -96,17 +95,17 @@ pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
 impl Unit {
     fn new(seed: u64, minutes: f64, route: &Route) -> Result<Self> {
         let mut runs = vehicles(seed, minutes, route, &calibrated())?;
-        let drawn = |stream| Vector3::from(Random::stream(seed, stream).normal3());
-        let [rectified, warmed] = [
-            RECTIFIED_DEG_H * drawn("rectification"),
-            WARMED_DEG_H * drawn("temperature"),
+        let random_bias = |stream| Vector3::from(Random::stream(seed, stream).normal3());
+        let [rectified, warm_up] = [
+            RECTIFIED_DEG_H * random_bias("rectification"),
+            WARMED_DEG_H * random_bias("temperature"),
         ]
         .map(|bias| DEG_H_RADPS * bias);
-        for (run, [vibration, warmth]) in runs.iter_mut().zip(SURROUNDINGS) {
-            answer(
+        for (run, [vibration, temperature]) in runs.iter_mut().zip(ENVIRONMENTS) {
+            add_biases(
                 run,
                 &(vibration * vibration * rectified),
-                &(warmth * warmed),
+                &(temperature * warm_up),
             );
         }
         let errors = runs.each_ref().map(free);
@@ -123,7 +122,7 @@ impl Unit {
     }
 }
 
-/// Units that are good as long as they lie still.
+/// Units that are accurate at rest.
 fn calibrated() -> ErrorModel {
     let mut errors = ErrorModel::hg1700();
     errors.gyro_deg_h.bias = BiasModel::constant(0.1);
@@ -132,31 +131,31 @@ fn calibrated() -> ErrorModel {
     errors
 }
 
-/// Lays over the gyros' increments what vibration and temperature make of their biases, rad/s.
-fn answer(run: &mut SimulatedDrive, rectified: &Vector3<f64>, warmed: &Vector3<f64>) {
+/// Adds the biases by vibration and temperature, rad/s, to the gyro increments.
+fn add_biases(run: &mut SimulatedDrive, rectified: &Vector3<f64>, warm_up: &Vector3<f64>) {
     // The truth begins one interval before the samples.
     for (sample, before) in run.imu.iter_mut().zip(&run.truth) {
         let part = 1.0 - libm::exp(-sample.time.as_seconds() / WARMING_S);
-        sample.gyro += sample.time.seconds_since(before.time) * (rectified + part * warmed);
+        sample.gyro += sample.time.seconds_since(before.time) * (rectified + part * warm_up);
     }
 }
 
-/// At rest in a known attitude the Earth's rotation is known.
+/// From the mean reading at rest, with Earth rate at the known attitude subtracted.
 fn laboratory_bias_deg_h(rest: &SimulatedDrive) -> Vector3<f64> {
     let (first, last) = (&rest.truth[0], &rest.truth[rest.truth.len() - 1]);
     let earth = LocalEarth::at(first.position.latitude_rad, first.position.height_m).earth_rate();
-    let read: Vector3<f64> = rest.imu.iter().map(|sample| sample.gyro).sum();
-    let rate = read / last.time.seconds_since(first.time);
+    let sum: Vector3<f64> = rest.imu.iter().map(|sample| sample.gyro).sum();
+    let rate = sum / last.time.seconds_since(first.time);
     (rate - matrix(&first.attitude).tr_mul(&earth)) / DEG_H_RADPS
 }
 
 /// From the laboratory and from the drives.
 fn models(units: &[Unit]) -> [ErrorModel; 2] {
     let mut laboratory = calibrated();
-    let seen = units
+    let biases = units
         .iter()
         .flat_map(|unit| unit.in_laboratory_deg_h.iter());
-    laboratory.gyro_deg_h.bias = BiasModel::constant(rms(seen.copied()));
+    laboratory.gyro_deg_h.bias = BiasModel::constant(rms(biases.copied()));
     let drives: Vec<Record> = units.iter().map(|unit| unit.drive.clone()).collect();
     [
         laboratory,

@@ -1,6 +1,6 @@
-//! The thesis's figures and tables from simulation, its numbers beside ours.
+//! The thesis's figures and tables from simulation, with its numbers and ours.
 
-mod beside;
+mod against_kalman;
 mod drive;
 mod flight;
 mod laboratory;
@@ -13,17 +13,17 @@ use rayon::prelude::*;
 
 use crate::sim::ErrorModel;
 use crate::study::flights::route::Route;
-pub use beside::Recorded;
+pub use against_kalman::Recorded;
 use drive::Drive;
 pub use flight::{PerformanceRow, performance};
 use part::NOT_REPRODUCED;
 pub use part::{JSON, Number, Part, Reproduction, Settings};
 
-/// Simulates and measures everything, and draws on a recorded drive too what can be drawn there;
-/// what comes out does not depend on the number of threads.
+/// Simulates and evaluates everything, and the figures that a recorded drive permits, if given; the results
+/// do not depend on the number of threads.
 pub fn reproduce(settings: Settings, recorded: Option<&Recorded>) -> Result<Reproduction> {
-    // First: it may be unusable, and all else takes minutes.
-    let on_recorded = recorded.map(beside::recorded).transpose()?;
+    // First, since it may be unusable, and the rest takes minutes.
+    let on_recorded = recorded.map(against_kalman::recorded).transpose()?;
     let unusable = |error: ins_core::ConfigError| miette!("{}", error);
     let drives = (settings.seeds(settings.drives).into_par_iter())
         .map(|seed| Drive::new(seed, settings.minutes))
@@ -35,9 +35,9 @@ pub fn reproduce(settings: Settings, recorded: Option<&Recorded>) -> Result<Repr
     let route = Route::cessna172()?;
     let mut parts = vec![
         observable::figure_1(first),
-        beside::figures_3_and_4(&drives).map_err(unusable)?,
+        against_kalman::figures_3_and_4(&drives).map_err(unusable)?,
         velocity::figure_5(&drives)?,
-        beside::figures_6_and_7(&settings).map_err(unusable)?,
+        against_kalman::figures_6_and_7(&settings).map_err(unusable)?,
         velocity::figure_8(&drives)?,
         velocity::figure_9(&settings, &drives, &route)?,
         velocity::table_1(&settings, &route)?,

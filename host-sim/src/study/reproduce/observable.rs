@@ -1,4 +1,4 @@
-//! Figure 1: when each error shows itself.
+//! Figure 1: when each error is observable.
 
 use super::drive::Drive;
 use super::part::{Part, here};
@@ -7,8 +7,8 @@ use crate::identify::quantities::DEG_H_RADPS;
 use crate::page::plot::{BLUE, GREY, Mark, ORANGE, padded};
 use crate::page::sheet::{self, Panel};
 
-/// Part of the drive in the picture, s.
-const SHOWN_S: (f64, f64) = (600.0, 900.0);
+/// Part of the drive in the drawing, s.
+const DRAWN_S: (f64, f64) = (600.0, 900.0);
 
 pub(super) fn figure_1(drive: &Drive) -> Part {
     let mut csv = "quantity,from_s,to_s\n".to_owned();
@@ -40,29 +40,29 @@ pub(super) fn figure_1(drive: &Drive) -> Part {
 }
 
 fn panel(drive: &Drive, title: &str, stage: Stage) -> Panel {
-    let inside = |time: f64| (SHOWN_S.0..=SHOWN_S.1).contains(&time);
+    let is_drawn = |time: f64| (DRAWN_S.0..=DRAWN_S.1).contains(&time);
     let line = |axis: usize| -> Vec<(f64, f64)> {
         let points = drive.open.iter().map(|row| {
             let rate = row.signals.rate_enu_radps[axis] / DEG_H_RADPS;
             (drive.since(row.time), rate)
         });
-        points.filter(|point| inside(point.0)).collect()
+        points.filter(|point| is_drawn(point.0)).collect()
     };
     let intervals = stage.intervals(&drive.open).into_iter();
-    let shown = intervals
+    let drawn = intervals
         .map(|(from, to)| (drive.since(from), drive.since(to)))
-        .filter(|(from, to)| inside(*from) && inside(*to));
+        .filter(|(from, to)| is_drawn(*from) && is_drawn(*to));
     let lines = [line(0), line(1)];
     let y = padded(lines.iter().flatten().map(|point| point.1), 1.0);
     let [east, north] = lines;
     let marks = vec![
-        Mark::Shade(shown.collect(), GREY),
+        Mark::Shade(drawn.collect(), GREY),
         Mark::Line(east, BLUE),
         Mark::Line(north, ORANGE),
     ];
     Panel {
         title: title.to_owned(),
-        svg: sheet::plot(["time, s", "\u{3c9}^C, deg/h"], SHOWN_S, y, marks).svg(),
+        svg: sheet::plot(["time, s", "\u{3c9}^C, deg/h"], DRAWN_S, y, marks).svg(),
         keys: vec![
             (BLUE, "east"),
             (ORANGE, "north"),

@@ -1,5 +1,5 @@
-//! Figures and tables of the thesis: what goes into them, and their files: `reproduce.json`,
-//! `report.html`, a drawing and a table of data for each part.
+//! Contents and files of the reproduced figures and tables: `reproduce.json`, `report.html`, a drawing and a
+//! table of data for each part.
 
 use std::path::Path;
 
@@ -16,18 +16,18 @@ use crate::page::{self, brief, output};
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "reproduce.json";
 
-/// The class of sensors that everything here has.
+/// Class of the sensors.
 pub(super) const GRADE: Grade = Grade::Hg1700;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
     /// First seed; others follow.
     pub seed: u64,
-    /// Drives behind the figures that need one.
+    /// Drives for the figures.
     pub drives: u64,
     /// Length of each, min.
     pub minutes: f64,
-    /// Units behind the table of free velocity errors, at rest, in the car and in the aircraft.
+    /// Units for the table of free velocity errors, at rest, in the car and in the aircraft.
     pub units: u64,
     /// Length of each of their runs, min.
     pub unit_minutes: f64,
@@ -42,7 +42,7 @@ impl Settings {
         self.seed..self.seed.saturating_add(count)
     }
 
-    /// What the command does.
+    /// Settings of the command.
     pub fn new(seed: u64) -> Self {
         Self {
             seed,
@@ -56,13 +56,13 @@ impl Settings {
     }
 }
 
-/// All that is reproduced, and what is not.
+/// The reproduced parts, and what is not reproduced.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reproduction {
     pub version: &'static str,
     pub settings: Settings,
     pub parts: Vec<Part>,
-    /// Numbers of the thesis that have nothing here.
+    /// Parts of the thesis without a counterpart.
     pub not_reproduced: [NotReproduced; 1],
 }
 
@@ -82,7 +82,7 @@ pub struct Part {
     /// Stem of its files.
     pub name: &'static str,
     pub title: String,
-    /// Over what and how it was measured.
+    /// Data and method.
     pub how: String,
     pub numbers: Vec<Number>,
     #[serde(skip)]
@@ -91,12 +91,12 @@ pub struct Part {
     pub csv: String,
 }
 
-/// A number of the thesis beside ours.
+/// A number of the thesis and ours.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Number {
-    /// What, with its unit.
+    /// Quantity, with its unit.
     pub what: String,
-    /// As published; none where the thesis gives none, or none that is known here.
+    /// As published; none if the thesis gives none, or it is not known here.
     pub thesis: Option<f64>,
     pub ours: f64,
     pub ratio: Option<f64>,
@@ -113,7 +113,7 @@ impl Number {
     }
 }
 
-/// What the thesis has no number of.
+/// A number without a counterpart in the thesis.
 pub(super) fn here(what: impl Into<String>, value: f64) -> Number {
     Number::new(what, None, value)
 }

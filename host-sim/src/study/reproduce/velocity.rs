@@ -25,9 +25,9 @@ use crate::study::accuracy::config_of;
 use crate::study::flights::route::Route;
 use crate::study::flights::schuler::oscillation;
 
-/// Gain of speed in Figure 5 that is worth a look, m/s.
-const LEAST_GAIN_MPS: f64 = 3.0;
-/// When the running estimates are good enough to let an INS go on them, s.
+/// Least change of velocity in Figure 5, m/s.
+const MIN_GAIN_MPS: f64 = 3.0;
+/// Start of the free INS on the running estimates, s.
 const RUNNING_FROM_S: f64 = 1200.0;
 /// Table 1 of the thesis: spans, east and north, m/s.
 const VEHICLES: [(&str, [f64; 2]); 3] = [
@@ -36,10 +36,10 @@ const VEHICLES: [(&str, [f64; 2]); 3] = [
     ("light aircraft", [72.0, 94.0]),
 ];
 
-// --- Figure 5: an azimuth error turns speed gained into velocity error across ---
+// --- Figure 5: an azimuth error turns a change of velocity into a cross-track velocity error ---
 
-/// One start or braking: since the first sample, and what an INS let go at its beginning has got
-/// across by its end, m/s: with the heading as given, as compensated, and as it is.
+/// One start or braking: its end since the first sample, and the cross-track velocity error gained by a free
+/// INS, m/s: with the heading as given, compensated, and true.
 struct Gain {
     end_s: f64,
     across_mps: [f64; 3],
@@ -97,7 +97,7 @@ fn gains(drive: &Drive) -> Vec<Gain> {
     let gain = |&(from, to): &_| {
         let (before, after) = (drive.truth(from)?, drive.truth(to)?);
         let gained = (after.velocity_enu_mps - before.velocity_enu_mps).xy();
-        if gained.norm() < LEAST_GAIN_MPS {
+        if gained.norm() < MIN_GAIN_MPS {
             return None;
         }
         let along = gained.normalize();
@@ -126,30 +126,30 @@ fn gains(drive: &Drive) -> Vec<Gain> {
     intervals.iter().filter_map(gain).collect()
 }
 
-// --- Figure 8: before and after the gyros' errors are taken out ---
+// --- Figure 8: before and after compensation of the gyros ---
 
 struct Compensated {
-    /// Gyros as they are, and less their history: over the whole drive.
+    /// Raw gyros, and compensated by the bias history, over the whole drive.
     as_read: Velocities,
     history: Velocities,
-    /// Less a constant.
+    /// Compensated by a constant.
     constant: Velocities,
-    /// From [`RUNNING_FROM_S`] on: as they are, less the running estimate, and so without the
-    /// walk of the angle.
+    /// From [`RUNNING_FROM_S`] on: raw, compensated by the running estimates, and the same without angular
+    /// random walk.
     late_as_read: Velocities,
     running: Velocities,
-    running_without_walk: Velocities,
+    running_without_arw: Velocities,
 }
 
 pub(super) fn figure_8(drives: &[Drive]) -> Result<Part> {
     let all: Vec<Compensated> = drives.par_iter().filter_map(compensated).collect();
-    let size_of = |errors: fn(&Compensated) -> &Velocities| size(all.iter().map(errors));
-    let as_read = size_of(|v| &v.as_read);
-    let history = size_of(|v| &v.history);
-    let late = size_of(|v| &v.late_as_read);
-    let constant = as_read / size_of(|v| &v.constant);
-    let running = late / size_of(|v| &v.running);
-    let without_walk = late / size_of(|v| &v.running_without_walk);
+    let rms_of = |errors: fn(&Compensated) -> &Velocities| rms_velocity(all.iter().map(errors));
+    let as_read = rms_of(|v| &v.as_read);
+    let history = rms_of(|v| &v.history);
+    let late = rms_of(|v| &v.late_as_read);
+    let constant = as_read / rms_of(|v| &v.constant);
+    let running = late / rms_of(|v| &v.running);
+    let without_arw = late / rms_of(|v| &v.running_without_arw);
     let minutes = drives.first().map_or(0.0, |d| d.log.duration_s() / 60.0);
     let first = all
         .first()
@@ -178,7 +178,7 @@ pub(super) fn figure_8(drives: &[Drive]) -> Result<Part> {
             ),
             here(
                 "improvement factor, the same on gyros without random walk",
-                without_walk,
+                without_arw,
             ),
         ],
         svg: first.as_ref().map(|[before, after]| {
@@ -214,11 +214,11 @@ fn compensated(drive: &Drive) -> Option<Compensated> {
         constant: free(&drive.log, &start, &|_| constant),
         late_as_read: free(&drive.log, &late, &as_read),
         running: free(&drive.log, &late, &running),
-        running_without_walk: free(&drive.without_walk, &late, &running),
+        running_without_arw: free(&drive.without_arw, &late, &running),
     })
 }
 
-/// The running estimates as known at a time.
+/// The running estimates at a time.
 fn running(history: &[Row], time: Time) -> Vector3<f64> {
     let after = history.partition_point(|row| row.time <= time);
     let row = history[..after].last();
@@ -227,7 +227,7 @@ fn running(history: &[Row], time: Time) -> Vector3<f64> {
     })
 }
 
-// --- Figure 9: a simulated flight with the errors that drives have shown ---
+// --- Figure 9: a simulated flight with the error model identified from drives ---
 
 pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> Result<Part> {
     let records: Vec<Record> = (drives.iter())
@@ -237,7 +237,7 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
     let run = flown(settings.seed, settings.flight_minutes, route, &model)?;
     let errors = free(&run);
     // Horizontal velocities of GNSS and of the INS, and the error of the latter.
-    let [mut gnss, mut ins, mut shown] = [const { Velocities::new() }; 3];
+    let [mut gnss, mut ins, mut ins_errors] = [const { Velocities::new() }; 3];
     for &(time_s, error) in &errors {
         let fix = run
             .gnss
@@ -247,7 +247,7 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
         if let Some((velocity, truth)) = velocity.zip(run.truth.get(truth)) {
             gnss.push((time_s, velocity));
             ins.push((time_s, truth.velocity_enu_mps.xy() + error));
-            shown.push((time_s, error));
+            ins_errors.push((time_s, error));
         }
     }
     let found = oscillation(&errors);
@@ -256,7 +256,7 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
     let lines = [
         ("INS, free", ORANGE, &thinned(&ins)),
         ("GNSS", BLUE, &thinned(&gnss)),
-        ("error of the INS", RED, &thinned(&shown)),
+        ("error of the INS", RED, &thinned(&ins_errors)),
     ];
     Ok(Part {
         name: "figure-9",
@@ -281,12 +281,12 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
         csv: csv_of(
             "time_s,gnss_east_mps,gnss_north_mps,ins_east_mps,ins_north_mps,ins_error_east_mps,\
              ins_error_north_mps",
-            [&gnss, &ins, &shown],
+            [&gnss, &ins, &ins_errors],
         )?,
     })
 }
 
-// --- Table 1: how far the error swings at rest, in a car and in an aircraft ---
+// --- Table 1: span of the error at rest, in a car and in an aircraft ---
 
 pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
     let units = (settings.seeds(settings.units).into_par_iter())
@@ -382,8 +382,7 @@ fn recording(seed: u64, minutes: f64, errors: &ErrorModel) -> Recording {
     }
 }
 
-/// Errors of an INS let go without any at the start, height held; the truth is that of every
-/// sample.
+/// Errors of a free INS without initial errors, vertical channel damped; needs the truth at every sample.
 pub(super) fn free(run: &SimulatedDrive) -> Velocities {
     let config = config_of(GRADE);
     let Some((first, start)) = run.imu.first().zip(run.truth.first()) else {
@@ -404,8 +403,8 @@ pub(super) fn free(run: &SimulatedDrive) -> Velocities {
     errors
 }
 
-/// Horizontal, m/s RMS over all of some runs.
-pub(super) fn size<'a>(runs: impl Iterator<Item = &'a Velocities>) -> f64 {
+/// RMS horizontal velocity error over all runs, m/s.
+pub(super) fn rms_velocity<'a>(runs: impl Iterator<Item = &'a Velocities>) -> f64 {
     rms(runs.flatten().map(|(_, error)| error.norm()))
 }
 
@@ -414,7 +413,7 @@ pub(super) fn size<'a>(runs: impl Iterator<Item = &'a Velocities>) -> f64 {
 /// A named line, m/s over s.
 type Line = (&'static str, RGBColor, Vec<(f64, f64)>);
 
-/// One in ten: what a picture shows.
+/// Every tenth point, for drawings.
 fn thinned(velocities: &Velocities) -> Velocities {
     velocities.iter().step_by(10).copied().collect()
 }
@@ -435,7 +434,7 @@ fn east_and_north(
     sheet::svg(&[axis(0), axis(1)])
 }
 
-/// Lines, the first undermost, over one axis of time.
+/// Lines over time, the first in the background.
 fn panel(title: &str, lines: Vec<Line>) -> Panel {
     let points = || lines.iter().flat_map(|(.., points)| points);
     let end_s = points().fold(1.0, |end, point| f64::max(end, point.0));
@@ -451,16 +450,16 @@ fn panel(title: &str, lines: Vec<Line>) -> Panel {
     }
 }
 
-/// Times of the first, and both components of each.
+/// Times of the first series, and both components of each.
 fn csv_of<const N: usize>(header: &str, velocities: [&Velocities; N]) -> Result<String> {
-    let moments = velocities.map(Vec::len).into_iter().min().unwrap_or(0);
-    let row = |moment: usize| {
-        let vectors = velocities.iter().map(|of| of[moment].1);
+    let count = velocities.map(Vec::len).into_iter().min().unwrap_or(0);
+    let row = |index: usize| {
+        let vectors = velocities.iter().map(|of| of[index].1);
         let components = vectors.flat_map(|v: Vector2<f64>| [v.x, v.y]);
-        [velocities[0][moment].0]
+        [velocities[0][index].0]
             .into_iter()
             .chain(components)
             .collect()
     };
-    csv(header, (0..moments).map(row))
+    csv(header, (0..count).map(row))
 }

@@ -1,4 +1,4 @@
-//! Figures 3 and 4, 6 and 7: what compensation finds over a drive beside what a Kalman filter finds.
+//! Figures 3 and 4, 6 and 7: estimates over a drive by compensation and by a Kalman filter.
 
 use std::fmt::Write as _;
 
@@ -30,8 +30,8 @@ use crate::statistics::rms;
 /// Points of a curve in a drawing.
 const MOST_POINTS: usize = 400;
 const METHODS: [&str; 2] = ["compensation", "Kalman filter"];
-/// Drift of the gyros of Figures 6 and 7, (3): what a ring laser of 1 deg/h may do in an hour, and
-/// large enough to stand out of its random walk.
+/// Bias drift of the gyros of Figures 6 and 7, (3): possible for a ring laser of 1 deg/h in an hour, and large
+/// compared with its random walk.
 const WAVE: BiasModel = BiasModel::Wave {
     initial_sigma: 1.0,
     interval_s: 1200.0,
@@ -47,22 +47,22 @@ pub struct Recorded {
 
 /// An estimate at a time since the first sample, in the unit of its figure.
 #[derive(Clone)]
-struct Seen {
+struct TrackPoint {
     time_s: f64,
     value: f64,
     sigma: f64,
     truth: Option<f64>,
 }
 
-/// A quantity over a drive as each of [`METHODS`] finds it.
-type Course = [Vec<Seen>; 2];
+/// A quantity over a drive as estimated by each of [`METHODS`].
+type Tracks = [Vec<TrackPoint>; 2];
 
 /// Both methods over a drive.
 struct Run<'a> {
     log: &'a Log,
-    /// Heading of the damped INS after each sample, to which nothing is fed back, less what a
-    /// constant bias of its up gyro makes of it: consumer gyros would turn it round and round.
-    kept_rad: Vec<(Time, f64)>,
+    /// Heading of the damped INS without feedback after each sample, compensated for a constant bias of the up
+    /// gyro: with consumer gyros it would rotate.
+    open_heading_rad: Vec<(Time, f64)>,
     tracks: [Vec<Point>; 2],
 }
 
@@ -71,11 +71,12 @@ impl<'a> Run<'a> {
         let (core, end) = record(log, config, &ProgressBar::hidden(), |_, _| {})?;
         let drift_radps = end.estimates.gyro_bias_radps[2].value;
         let first = log.start();
-        let mut kept_rad = Vec::new();
+        let mut open_heading_rad = Vec::new();
         record(log, open(config), &ProgressBar::hidden(), |ins, time| {
-            let turned_rad = drift_radps * time.seconds_since(first);
-            let kept = |solution: Solution| (time, solution.euler().heading_rad + turned_rad);
-            kept_rad.extend(ins.solution().map(kept));
+            let drift_rad = drift_radps * time.seconds_since(first);
+            let open_heading =
+                |solution: Solution| (time, solution.euler().heading_rad + drift_rad);
+            open_heading_rad.extend(ins.solution().map(open_heading));
         })?;
         let input = Input {
             log,
@@ -86,44 +87,47 @@ impl<'a> Run<'a> {
         let filter = kalman(METHODS[1], noise, &input)?;
         Ok(Self {
             log,
-            kept_rad,
+            open_heading_rad,
             tracks: [points(&core.history, &end), filter.points],
         })
     }
 
-    fn course(&self, seen: impl Fn(&Point, f64) -> Option<Seen>) -> Course {
+    fn tracks_of(&self, value: impl Fn(&Point, f64) -> Option<TrackPoint>) -> Tracks {
         let first = self.log.start();
         self.tracks.each_ref().map(|track| {
-            let seen = |point| seen(point, point.time.seconds_since(first));
-            track.iter().filter_map(seen).collect()
+            let value = |point| value(point, point.time.seconds_since(first));
+            track.iter().filter_map(value).collect()
         })
     }
 
-    /// Error of the kept heading, deg.
-    fn azimuth(&self) -> Course {
-        self.course(|point, time_s| {
-            let find = |kept: &(Time, f64)| kept.0;
-            let at = self.kept_rad.binary_search_by_key(&point.time, find).ok()?;
-            let off = |true_: &Solution| {
-                wrap_pi(self.kept_rad[at].1 - true_.euler().heading_rad).to_degrees()
+    /// Error of the heading without feedback, deg.
+    fn azimuth(&self) -> Tracks {
+        self.tracks_of(|point, time_s| {
+            let time_of = |open_heading: &(Time, f64)| open_heading.0;
+            let at = self
+                .open_heading_rad
+                .binary_search_by_key(&point.time, time_of)
+                .ok()?;
+            let error_deg = |true_: &Solution| {
+                wrap_pi(self.open_heading_rad[at].1 - true_.euler().heading_rad).to_degrees()
             };
-            Some(Seen {
+            Some(TrackPoint {
                 time_s,
-                value: off(&point.solution),
+                value: error_deg(&point.solution),
                 sigma: point.estimates.azimuth_error_rad.sigma.to_degrees(),
-                truth: truth_at(&self.log.truth, point.time).map(|truth| off(&truth)),
+                truth: truth_at(&self.log.truth, point.time).map(|truth| error_deg(&truth)),
             })
         })
     }
 
-    /// Bias of a level gyro, deg/h; the truth is that of the sample before, if it is known: a jump with the
-    /// last one of a drive nobody has seen.
-    fn gyro(&self, axis: usize, truth: &[Vector3<f64>]) -> Course {
-        self.course(|point, time_s| {
+    /// Bias of a level gyro, deg/h; the truth, if known, is that of the sample before: a jump at the last sample
+    /// of a drive is not observable.
+    fn gyro(&self, axis: usize, truth: &[Vector3<f64>]) -> Tracks {
+        self.tracks_of(|point, time_s| {
             let bias = &point.estimates.gyro_bias_radps[axis];
             let samples = self.log.imu.all();
             let at = samples.partition_point(|sample| sample.time < point.time);
-            Some(Seen {
+            Some(TrackPoint {
                 time_s,
                 value: bias.value / DEG_H_RADPS,
                 sigma: bias.sigma / DEG_H_RADPS,
@@ -154,7 +158,7 @@ pub(super) fn figures_3_and_4(drives: &[Drive]) -> Result<Part, ConfigError> {
     let courses = courses.collect::<Result<Vec<_>, ConfigError>>()?;
     let how = format!(
         "Azimuth error of the damped INS, to which nothing is fed back, its up gyro compensated by \
-         a constant; on {} drives, the first is drawn. {TOLD} Figure 5 is the check: what the \
+         a constant; on {} drives, the first is drawn. {SETUP} Figure 5 is the check: what the \
          azimuth does to an INS that is let go, before and after.",
         drives.len()
     );
@@ -169,17 +173,17 @@ pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> 
             plan.recording.truth_every = 1;
             let noise = Noise::of_model(&plan.recording.errors);
             let drive = simulate(&plan);
-            // Of each increment that at its end.
+            // The bias of each increment is that at its end.
             let truth: Vec<_> = drive.biases.iter().skip(1).map(|[gyro, _]| *gyro).collect();
             let (log, mut config) = log_of(drive);
             config.sensors.gyro_bias_walk = noise.sensors.gyro_bias_walk;
             let run = Run::new(&log, config, noise)?;
             Ok([0, 1].map(|axis| run.gyro(axis, &truth)).into())
         })
-        .collect::<Result<Vec<Vec<Course>>, ConfigError>>()?;
+        .collect::<Result<Vec<Vec<Tracks>>, ConfigError>>()?;
     let how = format!(
         "Biases of the level gyros on {} drives, jumping by 1 deg/h every 20 min: the wave model \
-         (3); the first is drawn. {TOLD} Jumps are told as a walk of the same rate.",
+         (3); the first is drawn. {SETUP} Jumps are told as a walk of the same rate.",
         courses.len()
     );
     Ok(gyro_pair("figures-6-7", "").part(how, &courses))
@@ -212,7 +216,7 @@ pub(super) fn recorded(drive: &Recorded) -> Result<[Part; 2]> {
     ])
 }
 
-const TOLD: &str = "Both methods are told the true noises and begin from the same alignment. \
+const SETUP: &str = "Both methods are told the true noises and begin from the same alignment. \
                     Shaded: one sigma. RMS errors are those of the second half.";
 
 fn azimuth_pair(name: &'static str, on: &str) -> Pair {
@@ -236,11 +240,11 @@ fn gyro_pair(name: &'static str, on: &str) -> Pair {
 }
 
 impl Pair {
-    /// Of one or several drives, each with a course of every line.
-    fn part(self, how: String, drives: &[Vec<Course>]) -> Part {
+    /// Of one or several drives, each with tracks of every line.
+    fn part(self, how: String, drives: &[Vec<Tracks>]) -> Part {
         let first = drives.first().map_or(&[][..], Vec::as_slice);
         let known = first.iter().flatten().flatten();
-        let mut known = known.map(|seen| seen.truth.is_some());
+        let mut known = known.map(|point| point.truth.is_some());
         Part {
             name: self.name,
             numbers: if known.any(|known| known) {
@@ -256,18 +260,18 @@ impl Pair {
     }
 
     /// Against the truth.
-    fn errors(&self, drives: &[Vec<Course>]) -> Vec<Number> {
+    fn errors(&self, drives: &[Vec<Tracks>]) -> Vec<Number> {
         let (mut numbers, mut worst) = (Vec::new(), [0.0; 2]);
         for (which, (_, line)) in self.lines.iter().enumerate() {
             let courses = || drives.iter().map(|courses| &courses[which]);
-            let error = |seen: &Seen| Some(seen.value - seen.truth?);
+            let error = |point: &TrackPoint| Some(point.value - point.truth?);
             let rms = [0, 1].map(|method| {
-                let settled = courses().flat_map(|course| second_half(&course[method]));
+                let settled = courses().flat_map(|tracks| second_half(&tracks[method]));
                 rms(settled.filter_map(error))
             });
             for (method, worst) in worst.iter_mut().enumerate() {
-                let end = courses().filter_map(|course| course[method].last());
-                let sigmas = end.filter_map(|seen| Some(error(seen)?.abs() / seen.sigma));
+                let end = courses().filter_map(|tracks| tracks[method].last());
+                let sigmas = end.filter_map(|point| Some(error(point)?.abs() / point.sigma));
                 *worst = sigmas.fold(*worst, f64::max);
             }
             let what = |method: &str| format!("{line}, {method}, {} RMS", self.unit);
@@ -285,45 +289,45 @@ impl Pair {
         numbers
     }
 
-    /// Of the two methods, where nobody knows the truth.
-    fn differences(&self, courses: &[Course]) -> Vec<Number> {
+    /// Of the two methods, without the truth.
+    fn differences(&self, courses: &[Tracks]) -> Vec<Number> {
         let mut numbers = Vec::new();
-        for ((_, line), [ours, theirs]) in self.lines.iter().zip(courses) {
-            for (method, track) in METHODS.into_iter().zip([ours, theirs]) {
+        for ((_, line), [core, filter]) in self.lines.iter().zip(courses) {
+            for (method, track) in METHODS.into_iter().zip([core, filter]) {
                 if let Some(end) = track.last() {
                     let what = format!("{line} at the end, {method}, {}", self.unit);
                     numbers.push(here(what, end.value));
                     numbers.push(here(format!("its sigma, {}", self.unit), end.sigma));
                 }
             }
-            let apart = second_half(ours).filter_map(|ours| {
-                let next = theirs.partition_point(|theirs| theirs.time_s < ours.time_s);
-                Some(ours.value - theirs.get(next)?.value)
+            let difference = second_half(core).filter_map(|core| {
+                let next = filter.partition_point(|filter| filter.time_s < core.time_s);
+                Some(core.value - filter.get(next)?.value)
             });
             let what = format!("{line}, difference over the second half, {} RMS", self.unit);
-            numbers.push(here(what, rms(apart)));
+            numbers.push(here(what, rms(difference)));
         }
         numbers
     }
 
-    fn picture(&self, courses: &[Course]) -> String {
+    fn picture(&self, courses: &[Tracks]) -> String {
         let all = || courses.iter().flatten();
         let end_s = all()
             .flatten()
-            .fold(1.0, |end, seen| f64::max(end, seen.time_s));
+            .fold(1.0, |end, point| f64::max(end, point.time_s));
         let settled = all().flat_map(|track| track.iter().skip(track.len() / 20));
-        let y = settled.flat_map(|seen| {
-            let band = [seen.value - seen.sigma, seen.value + seen.sigma];
-            band.into_iter().chain(seen.truth)
+        let y = settled.flat_map(|point| {
+            let band = [point.value - point.sigma, point.value + point.sigma];
+            band.into_iter().chain(point.truth)
         });
         let y = padded(y, 1e-2);
         let mut keys = self.lines.clone();
-        if all().flatten().any(|seen| seen.truth.is_some()) {
+        if all().flatten().any(|point| point.truth.is_some()) {
             keys.push((RED, "truth"));
         }
         let panel = |method: usize| {
             let marks = self.lines.iter().zip(courses);
-            let marks = marks.flat_map(|((colour, _), course)| marks_of(&course[method], *colour));
+            let marks = marks.flat_map(|((colour, _), tracks)| marks_of(&tracks[method], *colour));
             let labels = ["time, s", self.unit];
             let plot = sheet::plot(labels, (0.0, end_s), y, marks.collect());
             Panel {
@@ -337,19 +341,19 @@ impl Pair {
         sheet::svg(&panels)
     }
 
-    fn csv(&self, courses: &[Course]) -> String {
+    fn csv(&self, courses: &[Tracks]) -> String {
         let mut text = "quantity,method,time_s,value,sigma,truth\n".to_owned();
-        for ((_, line), course) in self.lines.iter().zip(courses) {
-            for (method, track) in METHODS.into_iter().zip(course) {
-                for seen in track {
-                    let truth = seen
+        for ((_, line), tracks) in self.lines.iter().zip(courses) {
+            for (method, track) in METHODS.into_iter().zip(tracks) {
+                for point in track {
+                    let truth = point
                         .truth
                         .map_or(String::new(), |truth| format!("{truth:.6}"));
                     // Writing into a string cannot fail.
                     let _ = writeln!(
                         text,
                         "{line},{method},{:.3},{:.6},{:.6},{truth}",
-                        seen.time_s, seen.value, seen.sigma
+                        point.time_s, point.value, point.sigma
                     );
                 }
             }
@@ -358,17 +362,17 @@ impl Pair {
     }
 }
 
-fn second_half(track: &[Seen]) -> impl Iterator<Item = &Seen> {
+fn second_half(track: &[TrackPoint]) -> impl Iterator<Item = &TrackPoint> {
     track.iter().skip(track.len() / 2)
 }
 
 /// Band, line and truth, from back to front.
-fn marks_of(track: &[Seen], colour: RGBColor) -> [Mark; 3] {
+fn marks_of(track: &[TrackPoint], colour: RGBColor) -> [Mark; 3] {
     let track = sampled(track, MOST_POINTS);
-    let seen = || track.iter();
-    let band = seen().map(|at| (at.time_s, at.value - at.sigma, at.value + at.sigma));
-    let line = seen().map(|at| (at.time_s, at.value));
-    let truth = seen().filter_map(|at| Some((at.time_s, at.truth?)));
+    let points = || track.iter();
+    let band = points().map(|at| (at.time_s, at.value - at.sigma, at.value + at.sigma));
+    let line = points().map(|at| (at.time_s, at.value));
+    let truth = points().filter_map(|at| Some((at.time_s, at.truth?)));
     [
         Mark::Band(band.collect(), colour),
         Mark::Line(line.collect(), colour),
