@@ -1,4 +1,4 @@
-//! One plot that the page draws with plotly.js: zoom, hover, curves to switch on and off.
+//! One interactive plot, drawn by plotly.js in the page.
 
 use std::io::Write as _;
 use std::sync::LazyLock;
@@ -14,22 +14,22 @@ use serde_json::{Value, json};
 use super::plot::{GREY, decades};
 use super::significant;
 
-/// Points of a curve. An hour has one every two seconds, or the least and the greatest of four.
+/// Most points of a curve: in an hour one every two seconds, or minimum and maximum of four.
 pub(crate) const MOST_POINTS: usize = 1800;
-/// Digits of what is drawn: of values, and of times and places.
+/// Digits of values, and of times and positions.
 const DIGITS: usize = 5;
 const FINE_DIGITS: usize = 9;
 
 pub(crate) type Point = (f64, f64);
 /// x, value and one sigma.
-pub(crate) type Spread = (f64, f64, f64);
-/// Between two points it breaks their curve.
+pub(crate) type SigmaPoint = (f64, f64, f64);
+/// Breaks a curve between two points.
 pub(crate) const BREAK: Point = (f64::NAN, f64::NAN);
 
 /// plotly.js, packed and in base64: a third of its size.
 pub(crate) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
     let sources = plotly::Plot::offline_js_sources();
-    // The first of two scripts; the other sets formulas, which no plot has.
+    // The first of two scripts; the other is for formulas, which are not used.
     let script = sources.split("</script>").next().unwrap_or_default();
     let code = script.split_once('>').map_or("", |(_, code)| code);
     let mut packed = GzEncoder::new(Vec::new(), Compression::default());
@@ -38,21 +38,20 @@ pub(crate) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
     STANDARD.encode(packed.finish().unwrap_or_default())
 });
 
-/// A plot as the page takes it.
+/// A plot for the template of the page.
 #[derive(Default, Serialize)]
 pub(crate) struct Figure {
     title: String,
-    /// What is to be known of it.
     note: String,
-    /// Data, layout and configuration. Empty, and not on the page, where no curve or mark has a point.
+    /// Data, layout and configuration. Empty, and not on the page, if no curve or mark has a point.
     json: String,
-    /// Zoomed together with the others over time.
+    /// Zoomed together with the other plots over time.
     over_time: bool,
-    /// Higher than others.
+    /// Higher than other plots.
     tall: bool,
 }
 
-/// A plot that is being put together, from back to front: objects of plotly.js.
+/// Builder of a plot, from back to front, of plotly.js objects.
 pub(crate) struct Chart {
     figure: Figure,
     x: Value,
@@ -65,21 +64,21 @@ impl Chart {
     /// Over the time since the first sample.
     pub(crate) fn over_time(title: impl Into<String>, unit: &str, duration_s: f64) -> Self {
         let mut chart = Self::new(title, "time, s", unit);
-        chart.x = and(chart.x, json!({ "range": [0.0, duration_s] }));
+        chart.x = merged(chart.x, json!({ "range": [0.0, duration_s] }));
         chart.figure.over_time = true;
         chart
     }
 
     pub(crate) fn new(title: impl Into<String>, x: &str, y: &str) -> Self {
-        // Labels keep off those of the x axis in the corner.
-        let ticks = json!({ "ticks": "outside", "ticklen": 5, "tickcolor": NONE });
+        // The ticks keep the labels apart from those of the x axis.
+        let ticks = json!({ "ticks": "outside", "ticklen": 5, "tickcolor": TRANSPARENT });
         Self {
             figure: Figure {
                 title: title.into(),
                 ..Figure::default()
             },
             x: axis(x),
-            y: and(axis(y), ticks),
+            y: merged(axis(y), ticks),
             shaded: false,
             data: Vec::new(),
         }
@@ -90,49 +89,49 @@ impl Chart {
         self
     }
 
-    /// Ends of the y axis; without, all is shown.
+    /// Range of the y axis; by default that of the data.
     pub(crate) fn range(mut self, (low, high): (f64, f64)) -> Self {
-        self.y = and(self.y, json!({ "range": [low, high] }));
+        self.y = merged(self.y, json!({ "range": [low, high] }));
         self
     }
 
-    /// Counts from one to so many along x.
+    /// Integers from one to `most` along x.
     pub(crate) fn counted(mut self, most: usize) -> Self {
         let counts = json!({ "dtick": 1.0, "range": [0.5, most as f64 + 0.5] });
-        self.x = and(self.x, counts);
+        self.x = merged(self.x, counts);
         self
     }
 
     pub(crate) fn logarithmic_y(mut self, values: impl Iterator<Item = f64>) -> Self {
-        self.y = and(self.y, logarithmic(values));
+        self.y = merged(self.y, logarithmic(values));
         self
     }
 
     pub(crate) fn logarithmic_x(mut self, values: impl Iterator<Item = f64>) -> Self {
-        self.x = and(self.x, logarithmic(values));
+        self.x = merged(self.x, logarithmic(values));
         self
     }
 
-    /// Degrees of a circle along y.
+    /// Degrees from 0 to 360 along y.
     pub(crate) fn circle(mut self) -> Self {
-        self.y = and(self.y, json!({ "range": [-10.0, 370.0], "dtick": 90.0 }));
+        self.y = merged(self.y, json!({ "range": [-10.0, 370.0], "dtick": 90.0 }));
         self
     }
 
-    /// Room for many curves, or for a map.
+    /// Higher, for many curves or a map.
     pub(crate) fn tall(mut self) -> Self {
         self.figure.tall = true;
         self
     }
 
-    /// Over longitude and latitude; a degree of latitude is so many times as long.
+    /// Over longitude and latitude; a degree of latitude is `ratio` times as long.
     pub(crate) fn map(title: &str, ratio: f64) -> Self {
         let map = Self::new(title, "", "").note("longitude and latitude, deg");
         let map = map.tall();
         let scale = json!({ "tickformat": ".5~f", "scaleanchor": "x", "scaleratio": ratio });
         Self {
-            x: and(map.x, json!({ "tickformat": ".5~f", "nticks": 5 })),
-            y: and(map.y, scale),
+            x: merged(map.x, json!({ "tickformat": ".5~f", "nticks": 5 })),
+            y: merged(map.y, scale),
             ..map
         }
     }
@@ -142,27 +141,27 @@ impl Chart {
         self.curve(name, points, stroke(1.5, colour, 1.0))
     }
 
-    /// A curve that stays in the background.
+    /// A curve in the background.
     pub(crate) fn reference(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
         let mut thin = stroke(1.0, colour, 0.8);
         thin["line"]["dash"] = "dot".into();
         self.curve(name, points, thin)
     }
 
-    /// A curve of noise: pale.
+    /// A pale curve, for noise.
     pub(crate) fn noise(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
         self.curve(name, points, stroke(1.0, colour, 0.7))
     }
 
-    /// One sigma to both sides of zero.
+    /// Plus and minus one sigma.
     pub(crate) fn expected(self, name: &str, colour: RGBColor, sigmas: &[Point]) -> Self {
         let side = |sign: f64| sigmas.iter().map(move |&(x, sigma)| (x, sign * sigma));
         let both: Vec<Point> = side(1.0).chain([BREAK]).chain(side(-1.0)).collect();
         self.curve(name, &both, stroke(2.0, colour, 1.0))
     }
 
-    /// A curve in a band of one sigma; both are switched together.
-    pub(crate) fn band(self, name: &str, colour: RGBColor, points: &[Spread]) -> Self {
+    /// A curve with a band of one sigma; the legend switches both together.
+    pub(crate) fn band(self, name: &str, colour: RGBColor, points: &[SigmaPoint]) -> Self {
         let sigmas: Vec<f64> = points.iter().map(|p| significant(2, p.2)).collect();
         let values: Vec<Point> = points.iter().map(|p| (p.0, p.1)).collect();
         let around = json!({ "legendgroup": name, "showlegend": false });
@@ -172,10 +171,10 @@ impl Chart {
             "hovertemplate": "%{y} \u{b1} %{customdata}",
         });
         self.area(name, &outline(points), &css(colour, 0.18), around)
-            .curve(name, &values, and(stroke(1.5, colour, 1.0), line))
+            .curve(name, &values, merged(stroke(1.5, colour, 1.0), line))
     }
 
-    /// Points by themselves, each with a text; symbols have plotly's names.
+    /// Single points, each with a text; symbols have plotly's names.
     pub(crate) fn marks(
         self,
         name: &str,
@@ -192,7 +191,7 @@ impl Chart {
         self,
         name: &str,
         colour: RGBColor,
-        points: &[(Spread, String)],
+        points: &[(SigmaPoint, String)],
     ) -> Self {
         let sigmas: Vec<f64> = points.iter().map(|(spread, _)| spread.2).collect();
         let look = json!({
@@ -219,7 +218,7 @@ impl Chart {
             "fillcolor": colour,
             "hoverinfo": "skip",
         });
-        self.curve(name, outline, and(area, look))
+        self.curve(name, outline, merged(area, look))
     }
 
     fn points(
@@ -234,7 +233,7 @@ impl Chart {
             "hovertext": texts,
             "hovertemplate": "%{hovertext}",
         });
-        self.curve(name, &places, and(marks, look))
+        self.curve(name, &places, merged(marks, look))
     }
 
     fn curve(mut self, name: &str, points: &[Point], look: Value) -> Self {
@@ -255,7 +254,7 @@ impl Chart {
             "x": xs.collect::<Vec<_>>(),
             "y": ys.collect::<Vec<_>>(),
         });
-        self.data.push(and(curve, look));
+        self.data.push(merged(curve, look));
         self
     }
 
@@ -280,10 +279,10 @@ impl Chart {
             "margin": { "l": 64, "r": 12, "t": 8, "b": 44 },
             "showlegend": true,
             "legend": { "orientation": "h", "x": 0.0, "y": 1.02, "yanchor": "bottom" },
-            "modebar": { "orientation": "v", "bgcolor": NONE },
+            "modebar": { "orientation": "v", "bgcolor": TRANSPARENT },
             "font": { "size": 12, "color": css(GREY, 1.0) },
-            "paper_bgcolor": NONE,
-            "plot_bgcolor": NONE,
+            "paper_bgcolor": TRANSPARENT,
+            "plot_bgcolor": TRANSPARENT,
         });
         if self.shaded {
             layout["yaxis2"] = json!({
@@ -301,17 +300,17 @@ impl Chart {
         });
         let plot = json!({ "data": self.data, "layout": layout, "config": config });
         Figure {
-            // The page must not end where a name has a tag.
+            // A tag in a name must not end the script.
             json: plot.to_string().replace('<', "\\u003c"),
             ..self.figure
         }
     }
 }
 
-const NONE: &str = "rgba(0,0,0,0)";
+const TRANSPARENT: &str = "rgba(0,0,0,0)";
 
-/// An object with more keys.
-fn and(mut object: Value, more: Value) -> Value {
+/// An object with additional keys.
+fn merged(mut object: Value, more: Value) -> Value {
     if let (Value::Object(keys), Value::Object(more)) = (&mut object, more) {
         keys.extend(more);
     }
@@ -329,7 +328,7 @@ fn axis(title: &str) -> Value {
     })
 }
 
-/// With so few labels that they stand apart.
+/// A logarithmic axis with few labels.
 fn logarithmic(values: impl Iterator<Item = f64>) -> Value {
     let positive = values.filter(|value| *value > 0.0);
     let (low, high) = positive.fold((f64::MAX, 0.0), |(low, high): Point, value| {
@@ -356,16 +355,16 @@ fn css(RGBColor(red, green, blue): RGBColor, opacity: f64) -> String {
     format!("rgba({red}, {green}, {blue}, {opacity})")
 }
 
-/// The least and the greatest of so many points each that no more than [`MOST_POINTS`] are left.
+/// Minimum and maximum of blocks of points, such that no more than [`MOST_POINTS`] are left.
 pub(crate) fn thinned(points: impl ExactSizeIterator<Item = Point>) -> Vec<Point> {
     let mut thinner = Thinner::new(points.len());
     points.for_each(|point| thinner.push(point));
     thinner.finish()
 }
 
-/// A curve that is thinned while its points come in.
+/// Thins a curve point by point.
 pub(crate) struct Thinner {
-    /// So many points give their least and their greatest.
+    /// Points in a block, which is replaced by its minimum and maximum.
     size: usize,
     count: usize,
     ends: Option<[Point; 2]>,
@@ -422,17 +421,17 @@ fn in_order(mut ends: [Point; 2]) -> [Point; 2] {
     ends
 }
 
-/// No more than so many, evenly, and the last.
+/// At most `most` items, evenly spaced, including the last.
 pub(crate) fn sampled<T: Clone>(items: &[T], most: usize) -> Vec<T> {
     let every = items.len().div_ceil(most).max(1);
     let skipped = (items.len() + every - 1) % every;
     items.iter().skip(skipped).step_by(every).cloned().collect()
 }
 
-/// Around a band; around each part of it where it is broken.
-fn outline(points: &[Spread]) -> Vec<Point> {
+/// Outline of each part of a band that is broken at NaN.
+fn outline(points: &[SigmaPoint]) -> Vec<Point> {
     let whole = points.split(|(_, value, sigma)| !(value + sigma).is_finite());
-    let around = |part: &[Spread]| {
+    let around = |part: &[SigmaPoint]| {
         let upper = part.iter().map(|&(x, value, sigma)| (x, value + sigma));
         let lower = part.iter().rev();
         let lower = lower.map(|&(x, value, sigma)| (x, value - sigma));
@@ -447,7 +446,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_curve_is_broken_at_a_hole_and_keeps_its_ends() {
+    fn a_curve_is_broken_at_a_gap_and_keeps_its_ends() {
         for points in [8, 8 * MOST_POINTS] {
             let mut thinner = Thinner::new(points);
             for at in 0..points {
@@ -457,9 +456,9 @@ mod tests {
                 thinner.push((at as f64, at as f64));
             }
             let curve = thinner.finish();
-            let hole = curve.iter().position(|point| point.0.is_nan()).unwrap();
+            let gap = curve.iter().position(|point| point.0.is_nan()).unwrap();
             assert_eq!(curve.iter().filter(|point| point.0.is_nan()).count(), 1);
-            let ends = [curve[hole - 1].0, curve[hole + 1].0];
+            let ends = [curve[gap - 1].0, curve[gap + 1].0];
             assert_eq!(
                 format!("{ends:?}"),
                 format!("[{}.0, {}.0]", points / 4, points / 4 + 1)

@@ -20,7 +20,7 @@ pub(crate) const REPORT: &str = "report.html";
 const TEMPLATE: &str = include_str!("report.html");
 const STYLE: &str = include_str!("style.css");
 
-/// What a page shows: first what is to be known before all, then numbers, then plots.
+/// Contents of a page: facts and verdicts, then tables, then plots.
 #[derive(Default, Serialize)]
 pub(crate) struct Page {
     pub(crate) title: String,
@@ -38,8 +38,7 @@ pub(crate) struct Section {
 }
 
 impl Page {
-    /// What the template is filled with: its plots are megabytes, which are not held more often than they must
-    /// be.
+    /// Context of the template. Its plots are megabytes, so copies are avoided.
     fn context(self) -> Value {
         let page = Value::from(Serde(&self));
         context! { page, script => SCRIPT.as_str() }
@@ -56,7 +55,7 @@ impl Page {
         let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
         let environment = environment()?;
         let template = environment.template_from_str(TEMPLATE).into_diagnostic()?;
-        // What fails of our own template is the file.
+        // The template is valid: only the file can fail.
         let cause = |e: &minijinja::Error| e.source().map_or(e.to_string(), ToString::to_string);
         template
             .render_captured_to(self.context(), &mut file)
@@ -72,7 +71,7 @@ fn environment() -> Result<Environment<'static>> {
     Ok(environment)
 }
 
-/// A template that may include the style, filled.
+/// Renders a template, which may include the style.
 pub(crate) fn fill(template: &str, with: Value) -> Result<String> {
     environment()?.render_str(template, with).into_diagnostic()
 }
@@ -81,10 +80,10 @@ pub(crate) fn fill(template: &str, with: Value) -> Result<String> {
 mod tests {
     use super::*;
 
-    /// A full disk is told with the file, as of any other result.
+    /// The error of a full disk names the file.
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_full_disk_is_told_with_the_file() {
+    fn the_error_of_a_full_disk_names_the_file() {
         let folder = tempfile::tempdir().unwrap();
         std::os::unix::fs::symlink("/dev/full", folder.path().join(REPORT)).unwrap();
         let error = Page::default()

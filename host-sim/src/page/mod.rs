@@ -1,4 +1,4 @@
-//! What is printed and written: tables, plots, pages, folders. Knows nothing of navigation.
+//! Output: tables, plots, pages, folders. Independent of navigation.
 
 pub(crate) mod chart;
 pub(crate) mod html;
@@ -13,12 +13,12 @@ use std::io;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-/// A value for programs.
+/// A value as JSON.
 pub(crate) fn json(value: &impl Serialize) -> Result<String> {
     Ok(serde_json::to_string_pretty(value).into_diagnostic()? + "\n")
 }
 
-/// Rows for programs, under names with commas between them.
+/// Rows as CSV, under comma-separated names.
 pub(crate) fn csv<R>(names: &str, rows: impl IntoIterator<Item = R>) -> Result<String>
 where
     R: IntoIterator<Item: AsRef<[u8]>>,
@@ -27,7 +27,7 @@ where
     String::from_utf8(text).into_diagnostic()
 }
 
-/// The same, row by row into what takes it.
+/// The same, row by row into a writer.
 pub(crate) fn write_csv<W, R>(
     to: W,
     names: &str,
@@ -57,7 +57,7 @@ pub fn digits(scale: f64, value: f64) -> String {
     fixed(decimals, value)
 }
 
-/// A number with so many decimals, and no sign where these are all zero.
+/// A number with fixed decimals, without the sign of a zero.
 pub(crate) fn fixed(decimals: usize, value: f64) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
@@ -71,10 +71,10 @@ pub fn brief(value: f64) -> String {
     digits(value, value)
 }
 
-/// A number rounded to so many digits.
+/// A number rounded to significant digits.
 pub(crate) fn significant(digits: usize, value: f64) -> f64 {
     let decimals = digits.saturating_sub(1);
-    // Through text: what is then written has no more digits than these. A zero loses its sign.
+    // Through text, so that it is written with no more digits. A zero loses its sign.
     format!("{value:.decimals$e}").parse().unwrap_or(value) + 0.0
 }
 
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_has_few_digits() {
+    fn numbers_in_drawings_have_few_digits() {
         let rounded = [1_234.567_89, -0.000_123_456_7, 0.0].map(|v| significant(5, v).to_string());
         assert_eq!(rounded, ["1234.6", "-0.00012346", "0"]);
         assert!(significant(5, f64::NAN).is_nan());

@@ -1,4 +1,4 @@
-//! Output folders that are either whole or not there.
+//! Output folders that are either complete or absent.
 
 use std::fs;
 use std::io;
@@ -9,33 +9,32 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use miette::Diagnostic;
 use thiserror::Error;
 
-/// Folders that are being filled.
+/// Folders that are being written.
 static BUILDING: Mutex<Vec<Building>> = Mutex::new(Vec::new());
 
 struct Building {
     folder: PathBuf,
-    /// Folders that were made for it to stand in, the innermost first.
-    made: Vec<PathBuf>,
+    /// Parent folders that were created for it, the innermost first.
+    created: Vec<PathBuf>,
 }
 
-/// How often a folder is removed that is still being written into.
+/// Attempts to remove a folder that is still being written to.
 const REMOVALS: u32 = 100;
-/// What a shell says of a program that was interrupted.
+/// Exit status of an interrupted program, as in a shell.
 const INTERRUPTED: i32 = 130;
 
 fn building() -> MutexGuard<'static, Vec<Building>> {
     BUILDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Leaves nothing half done behind when the user stops the program, or the system does, after ending
-/// whatever else goes on.
+/// Removes incomplete folders when the program is stopped by the user or the system, after `end_others`.
 pub fn clean_up_when_stopped(end_others: fn()) {
-    // Without a handler nothing is missed but this.
+    // Without the handler only this is lost.
     let _ = ctrlc::set_handler(move || {
         end_others();
-        for Building { folder, made } in building().iter() {
+        for Building { folder, created } in building().iter() {
             let _ = (0..REMOVALS).find(|_| fs::remove_dir_all(folder).is_ok());
-            remove_empty(made);
+            remove_empty(created);
         }
         exit(INTERRUPTED);
     });
@@ -43,11 +42,11 @@ pub fn clean_up_when_stopped(end_others: fn()) {
 
 #[derive(Debug, Error, Diagnostic)]
 pub enum OutputError {
-    /// It is there, and nobody said that it may go.
+    /// It exists, and is not to be replaced.
     #[error("{} exists already", .0.display())]
     #[diagnostic(help("choose another name, or replace it with --force"))]
     Exists(PathBuf),
-    /// It is something else than a folder this program has written.
+    /// It is not a folder that this program has written.
     #[error("{} is not a folder that this program has written", .0.display())]
     #[diagnostic(help(
         "--force replaces only simulated logs by logs and reports by reports: choose another --out"
@@ -77,9 +76,9 @@ impl OutputError {
     }
 }
 
-/// Refuses an existing folder early, before any work is done for it.
+/// Refuses an existing folder before any work is done for it.
 ///
-/// By force it may go if it holds the file `mark`, which only this program writes.
+/// With `force` it may be replaced if it has the file `mark`, which only this program writes.
 pub fn check_free(folder: &Path, mark: &str, force: bool) -> Result<(), OutputError> {
     let exists = folder.symlink_metadata().is_ok();
     if !exists || is_empty(folder) {
@@ -89,30 +88,30 @@ pub fn check_free(folder: &Path, mark: &str, force: bool) -> Result<(), OutputEr
         (false, _) => Err(OutputError::Exists(folder.to_owned())),
         (true, false) => Err(OutputError::Foreign(folder.to_owned())),
         (true, true) => {
-            let folder = named(folder)?;
-            // Whoever stops the program now waits until it has its name again.
+            let folder = with_name(folder)?;
+            // Stopping the program now waits until it has its name again.
             let _building = building();
-            let before = set_aside(&folder)?;
-            fs::rename(&before, &folder).map_err(|e| OutputError::io(&before, e))
+            let previous = set_aside(&folder)?;
+            fs::rename(&previous, &folder).map_err(|e| OutputError::io(&previous, e))
         }
     }
 }
 
-/// Where the program stands has a name to be replaced by only from above.
-fn named(folder: &Path) -> Result<PathBuf, OutputError> {
+/// A path with a file name, which `.` does not have.
+fn with_name(folder: &Path) -> Result<PathBuf, OutputError> {
     match folder.file_name() {
         Some(_) => Ok(folder.to_owned()),
         None => (folder.canonicalize()).map_err(|e| OutputError::io(folder, e)),
     }
 }
 
-/// The innermost first, as far as they are empty.
+/// Removes folders, the innermost first, until one is not empty.
 fn remove_empty(folders: &[PathBuf]) {
     let _ = folders.iter().all(|folder| fs::remove_dir(folder).is_ok());
 }
 
-/// Fills a hidden folder beside the wanted one, and gives it the name only when it is whole. Returns
-/// where what it did not replace of an earlier folder is kept, too.
+/// Fills a hidden folder beside the target, and renames it when it is complete. Also returns the folder with
+/// those files of an earlier one that were not replaced.
 pub fn build<T, E: From<OutputError>>(
     folder: &Path,
     mark: &str,
@@ -120,17 +119,17 @@ pub fn build<T, E: From<OutputError>>(
     fill: impl FnOnce(&Path) -> Result<T, E>,
 ) -> Result<(T, Option<PathBuf>), E> {
     check_free(folder, mark, force)?;
-    let folder = &named(folder)?;
-    // One that is there, and empty, stays: it may be mounted, so that no other can have its name.
-    let stays = is_empty(folder);
+    let folder = &with_name(folder)?;
+    // An existing empty folder is kept: it may be a mount point, which cannot be renamed.
+    let keeps_folder = is_empty(folder);
     let parent = match folder.parent() {
-        _ if stays => folder,
+        _ if keeps_folder => folder,
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
     let absent = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-    let made = parent.ancestors().take_while(absent);
-    let made: Vec<PathBuf> = made.map(Path::to_owned).collect();
+    let created = parent.ancestors().take_while(absent);
+    let created: Vec<PathBuf> = created.map(Path::to_owned).collect();
     fs::create_dir_all(parent).map_err(|e| OutputError::io(parent, e))?;
     let hidden = tempfile::Builder::new()
         .prefix(".building-")
@@ -138,37 +137,37 @@ pub fn build<T, E: From<OutputError>>(
         .map_err(|e| OutputError::io(parent, e))?;
     building().push(Building {
         folder: hidden.path().to_owned(),
-        made: made.clone(),
+        created: created.clone(),
     });
     let filled = match fill(hidden.path()) {
         Ok(filled) => filled,
         Err(error) => {
             drop(hidden);
-            remove_empty(&made);
+            remove_empty(&created);
             return Err(error);
         }
     };
-    share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
-    // Whoever stops the program now waits until the folder has its name.
+    set_public(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
+    // Stopping the program now waits until the folder has its name.
     let mut building = building();
-    let replaced = folder.is_dir() && !stays;
-    let before = replaced.then(|| set_aside(folder)).transpose()?;
-    let whole = hidden.keep();
-    let given = if stays {
-        give_all(&whole, folder)
+    let replaced = folder.is_dir() && !keeps_folder;
+    let previous = replaced.then(|| set_aside(folder)).transpose()?;
+    let complete = hidden.keep();
+    let moved = if keeps_folder {
+        move_contents(&complete, folder)
     } else {
-        fs::rename(&whole, folder)
+        fs::rename(&complete, folder)
     };
-    given.map_err(|e| OutputError::io(folder, e))?;
-    building.retain(|one| one.folder != whole);
-    if let Some(before) = &before {
-        remove_replaced(before, folder).map_err(|e| OutputError::io(before, e))?;
+    moved.map_err(|e| OutputError::io(folder, e))?;
+    building.retain(|one| one.folder != complete);
+    if let Some(previous) = &previous {
+        remove_replaced(previous, folder).map_err(|e| OutputError::io(previous, e))?;
     }
-    Ok((filled, before.filter(|before| before.is_dir())))
+    Ok((filled, previous.filter(|previous| previous.is_dir())))
 }
 
-/// What is in a folder comes into another one.
-fn give_all(from: &Path, to: &Path) -> io::Result<()> {
+/// Moves the contents of a folder into another one.
+fn move_contents(from: &Path, to: &Path) -> io::Result<()> {
     for entry in fs::read_dir(from)? {
         let entry = entry?;
         fs::rename(entry.path(), to.join(entry.file_name()))?;
@@ -176,7 +175,7 @@ fn give_all(from: &Path, to: &Path) -> io::Result<()> {
     fs::remove_dir(from)
 }
 
-/// Gives a folder a name beside it that nothing has.
+/// Renames a folder to an unused name beside it.
 pub fn set_aside(folder: &Path) -> Result<PathBuf, OutputError> {
     let name = |number: u32| {
         let mut name = folder.components().as_path().as_os_str().to_owned();
@@ -184,31 +183,31 @@ pub fn set_aside(folder: &Path) -> Result<PathBuf, OutputError> {
         PathBuf::from(name)
     };
     let is_free = |name: &PathBuf| name.symlink_metadata().is_err();
-    let before = (1..=u32::MAX).map(name).find(is_free).unwrap_or_default();
-    fs::rename(folder, &before).map_err(|source| OutputError::Fixed {
+    let previous = (1..=u32::MAX).map(name).find(is_free).unwrap_or_default();
+    fs::rename(folder, &previous).map_err(|source| OutputError::Fixed {
         path: folder.to_owned(),
         source,
     })?;
-    Ok(before)
+    Ok(previous)
 }
 
-/// Removes what a new folder has again, and the folder if that was all: the rest may be somebody's
-/// notes.
-fn remove_replaced(before: &Path, new: &Path) -> io::Result<()> {
-    if before.is_symlink() {
-        return fs::remove_file(before);
+/// Removes files that the new folder also has, and the folder if it is then empty: others may be the
+/// user's.
+fn remove_replaced(previous: &Path, new: &Path) -> io::Result<()> {
+    if previous.is_symlink() {
+        return fs::remove_file(previous);
     }
-    for entry in fs::read_dir(before)? {
+    for entry in fs::read_dir(previous)? {
         let entry = entry?;
-        let (path, again) = (entry.path(), new.join(entry.file_name()));
-        match (entry.file_type()?.is_dir(), again.is_dir()) {
-            (true, true) => remove_replaced(&path, &again)?,
-            (false, false) if again.exists() => fs::remove_file(path)?,
+        let (path, replacement) = (entry.path(), new.join(entry.file_name()));
+        match (entry.file_type()?.is_dir(), replacement.is_dir()) {
+            (true, true) => remove_replaced(&path, &replacement)?,
+            (false, false) if replacement.exists() => fs::remove_file(path)?,
             _ => {}
         }
     }
-    if is_empty(before) {
-        fs::remove_dir(before)?;
+    if is_empty(previous) {
+        fs::remove_dir(previous)?;
     }
     Ok(())
 }
@@ -222,40 +221,40 @@ pub fn read(file: &Path) -> Result<String, OutputError> {
     fs::read_to_string(file).map_err(|e| OutputError::io(file, e))
 }
 
-/// Refuses a file early that [`replace`] could not write, or that nobody said may go.
+/// Refuses a file early that [`replace`] could not write, or that is not to be replaced.
 ///
-/// By force it may go if it begins with `head`, as only this program's do, or is empty.
+/// With `force` it may be replaced if it is empty or begins with `head`, as only those of this program do.
 pub fn check_free_file(file: &Path, head: &str, force: bool) -> Result<(), OutputError> {
     if file.is_dir() || (file.exists() && !force) {
         return Err(OutputError::Exists(file.to_owned()));
     }
-    let before = if file.exists() {
+    let previous = if file.exists() {
         fs::read(file).map_err(|source| OutputError::io(file, source))?
     } else {
         Vec::new()
     };
-    if !before.is_empty() && !before.starts_with(head.as_bytes()) {
+    if !previous.is_empty() && !previous.starts_with(head.as_bytes()) {
         return Err(OutputError::ForeignFile {
             file: file.to_owned(),
             head: head.to_owned(),
         });
     }
-    let new = beside(file);
-    let tried = fs::write(&new, "").and_then(|()| fs::remove_file(&new));
-    tried.map_err(|source| OutputError::io(file, source))
+    let new = temporary_name(file);
+    let test_write = fs::write(&new, "").and_then(|()| fs::remove_file(&new));
+    test_write.map_err(|source| OutputError::io(file, source))
 }
 
-/// Where a file is written before it has its name.
-fn beside(file: &Path) -> PathBuf {
+/// Temporary name of a file that is being written.
+fn temporary_name(file: &Path) -> PathBuf {
     let mut name = file.as_os_str().to_owned();
     name.push(".new");
     name.into()
 }
 
-/// Replaces a file by another text; a reader sees the old one or the new one, never half.
+/// Replaces the text of a file atomically.
 pub fn replace(file: &Path, text: &str) -> Result<(), OutputError> {
     let io = |source| OutputError::io(file, source);
-    let new = beside(file);
+    let new = temporary_name(file);
     let written = fs::write(&new, text).and_then(|()| fs::rename(&new, file));
     written.map_err(|error| {
         let _ = fs::remove_file(&new);
@@ -263,15 +262,15 @@ pub fn replace(file: &Path, text: &str) -> Result<(), OutputError> {
     })
 }
 
-/// Temporary folders are private; results are as open as any new folder.
+/// Temporary folders are private; results have the permissions of any new folder.
 #[cfg(unix)]
-fn share(folder: &Path) -> io::Result<()> {
+fn set_public(folder: &Path) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755))
 }
 
 #[cfg(not(unix))]
-fn share(_: &Path) -> io::Result<()> {
+fn set_public(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
@@ -302,7 +301,7 @@ mod tests {
         build(&out, MARK, true, write("2")).unwrap();
         assert_eq!(fs::read_to_string(out.join(MARK)).unwrap(), "2");
         assert_eq!(fs::read_dir(home.path()).unwrap().count(), 1);
-        // Of the user's there, none is lost.
+        // Files of the user are kept.
         fs::write(out.join("notes.txt"), "mine").unwrap();
         let ((), kept) = build(&out, MARK, true, write("2")).unwrap();
         let kept = kept.unwrap();
@@ -319,19 +318,19 @@ mod tests {
         ));
     }
 
-    /// Nothing else can have the name of a mounted one.
+    /// A mount point cannot be replaced.
     #[cfg(unix)]
     #[test]
-    fn an_empty_folder_stays_the_same() {
+    fn an_empty_folder_is_kept() {
         use std::os::unix::fs::MetadataExt;
         let home = tempfile::tempdir().unwrap();
         let number = || fs::metadata(home.path()).unwrap().ino();
-        let before = number();
+        let previous = number();
         let fail = |_: &Path| Err::<(), _>(OutputError::Exists(PathBuf::new()));
         assert!(build(home.path(), MARK, false, fail).is_err());
         assert!(is_empty(home.path()));
         build(home.path(), MARK, false, write("1")).unwrap();
-        assert_eq!(number(), before);
+        assert_eq!(number(), previous);
         assert_eq!(fs::read_to_string(home.path().join(MARK)).unwrap(), "1");
         assert_eq!(fs::read_dir(home.path()).unwrap().count(), 1);
     }
@@ -351,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_left_of_a_failure() {
+    fn a_failure_leaves_nothing_behind() {
         let home = tempfile::tempdir().unwrap();
         let out = home.path().join("results/out");
         let fail = |folder: &Path| {

@@ -1,4 +1,4 @@
-//! One plot as SVG text: thin lines over a light grid, colours that stand on light and dark.
+//! One plot as SVG text: thin lines over a light grid, colours for light and dark backgrounds.
 
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
@@ -11,11 +11,11 @@ pub(crate) const GREEN: RGBColor = RGBColor(0x2e, 0x9e, 0x6b);
 pub(crate) const RED: RGBColor = RGBColor(0xd0, 0x4a, 0x4a);
 pub(crate) const GREY: RGBColor = RGBColor(0x88, 0x88, 0x88);
 
-/// One of so many colours that all differ, and none of which is grey.
-pub(crate) fn one_of(place: usize, many: usize) -> RGBColor {
-    // Neighbours differ in lightness besides.
-    let lightness = if place.is_multiple_of(2) { 0.42 } else { 0.6 };
-    let colour = HSLColor(place as f64 / many as f64, 0.6, lightness);
+/// One of `count` distinct colours, none of which is grey.
+pub(crate) fn distinct_colour(index: usize, count: usize) -> RGBColor {
+    // Neighbours also differ in lightness.
+    let lightness = if index.is_multiple_of(2) { 0.42 } else { 0.6 };
+    let colour = HSLColor(index as f64 / count as f64, 0.6, lightness);
     let RGBAColor(red, green, blue, _) = colour.to_rgba();
     RGBColor(red, green, blue)
 }
@@ -37,7 +37,7 @@ pub(crate) struct Plot<'a> {
     /// Quantity and unit along x and y.
     pub(crate) labels: [&'a str; 2],
     pub(crate) x: (f64, f64),
-    /// Ends of the y axis; what lies beyond is not drawn.
+    /// Range of the y axis; lines are clipped to it.
     pub(crate) y: (f64, f64),
     /// From back to front.
     pub(crate) marks: Vec<Mark>,
@@ -94,12 +94,12 @@ impl Plot<'_> {
             match mark {
                 Mark::Line(points, colour) => {
                     let style = colour.stroke_width(2);
-                    let pieces = self.inside(points).into_iter();
+                    let pieces = self.clipped(points).into_iter();
                     chart.draw_series(pieces.flat_map(|piece| LineSeries::new(piece, style)))?;
                 }
                 Mark::Reference(points, colour) => {
                     let style = colour.mix(0.8);
-                    let pieces = self.inside(points).into_iter();
+                    let pieces = self.clipped(points).into_iter();
                     chart.draw_series(pieces.flat_map(|piece| LineSeries::new(piece, style)))?;
                 }
                 Mark::Shade(intervals, colour) => {
@@ -110,7 +110,7 @@ impl Plot<'_> {
                     chart.draw_series(intervals.iter().map(bar))?;
                 }
                 Mark::Band(points, colour) => {
-                    let outline = self.filled(&outline(points));
+                    let outline = self.clamped(&outline(points));
                     chart.draw_series([Polygon::new(outline, colour.mix(0.18))])?;
                 }
             }
@@ -120,11 +120,11 @@ impl Plot<'_> {
         Ok(scalable(&text))
     }
 
-    /// The pieces of a line between the ends of the y axis.
-    fn inside(&self, points: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
+    /// The pieces of a line within the range of the y axis.
+    fn clipped(&self, points: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
         let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
         for pair in points.windows(2) {
-            let Some([from, to]) = cut(pair[0], pair[1], self.y) else {
+            let Some([from, to]) = clip(pair[0], pair[1], self.y) else {
                 continue;
             };
             match pieces.last_mut() {
@@ -135,8 +135,8 @@ impl Plot<'_> {
         pieces
     }
 
-    /// An area to the ends of the axes.
-    fn filled(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    /// An area, clamped to the ranges of the axes.
+    fn clamped(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         let keep = |v: f64, (low, high): (f64, f64)| v.clamp(low, high);
         points
             .iter()
@@ -145,19 +145,19 @@ impl Plot<'_> {
     }
 }
 
-/// What of a stretch lies between the ends of the y axis.
-fn cut(from: (f64, f64), to: (f64, f64), (low, high): (f64, f64)) -> Option<[(f64, f64); 2]> {
+/// The part of a segment within the range of the y axis.
+fn clip(from: (f64, f64), to: (f64, f64), (low, high): (f64, f64)) -> Option<[(f64, f64); 2]> {
     let end = |(x, y): (f64, f64), other: (f64, f64)| {
-        // What is inside stays to the bit.
+        // A point within is not changed, not even by rounding.
         if (low..=high).contains(&y) {
             return (x, y);
         }
-        let kept = y.clamp(low, high);
-        (x + (kept - y) / (other.1 - y) * (other.0 - x), kept)
+        let edge = y.clamp(low, high);
+        (x + (edge - y) / (other.1 - y) * (other.0 - x), edge)
     };
     let finite = from.1.is_finite() && to.1.is_finite();
-    let reaches = from.1.min(to.1) <= high && from.1.max(to.1) >= low;
-    (finite && reaches).then(|| [end(from, to), end(to, from)])
+    let intersects = from.1.min(to.1) <= high && from.1.max(to.1) >= low;
+    (finite && intersects).then(|| [end(from, to), end(to, from)])
 }
 
 /// Both edges of a band as one closed line.
@@ -167,7 +167,7 @@ fn outline(points: &[(f64, f64, f64)]) -> Vec<(f64, f64)> {
     lower.chain(upper).collect()
 }
 
-/// Ends of an axis that holds all values with some room, and always has an extent.
+/// Range of an axis for all values with a margin; never empty.
 pub(crate) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64) {
     let (low, high) = values
         .filter(|v| v.is_finite())
@@ -177,13 +177,13 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64
     if low > high {
         return (-least, least);
     }
-    let room = (0.06 * (high - low))
+    let margin = (0.06 * (high - low))
         .max(0.5 * least - 0.5 * (high - low))
         .max(1e-9);
-    (low - room, high + room)
+    (low - margin, high + margin)
 }
 
-/// Round numbers between the ends of a logarithmic axis, few enough to be read.
+/// Round numbers for the labels of a logarithmic axis.
 pub(crate) fn decades((low, high): (f64, f64)) -> Vec<f64> {
     let digits: &[u32] = match (high / low).log10() {
         span if span < 1.5 => &[1, 2, 5],
@@ -196,7 +196,7 @@ pub(crate) fn decades((low, high): (f64, f64)) -> Vec<f64> {
                 .iter()
                 .map(move |digit| format!("{digit}e{exponent}"))
         })
-        // Parsed, not multiplied: they are printed as they are.
+        // Parsed, not multiplied, since they are printed.
         .filter_map(|number| number.parse().ok())
         .filter(|number| (low..=high).contains(number))
         .collect()
@@ -214,7 +214,7 @@ fn tick(value: f64, (low, high): (f64, f64)) -> String {
     trimmed.replace('-', "\u{2212}")
 }
 
-/// Lets the page decide on the size: only the view box is kept.
+/// Without a size, which the page sets: only the view box is kept.
 fn scalable(svg: &str) -> String {
     match svg.find("viewBox") {
         Some(view) => format!("<svg {}", &svg[view..]),
@@ -227,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_beyond_the_axis_is_cut_at_its_end() {
+    fn a_line_is_clipped_to_the_axis() {
         let plot = Plot {
             size: (100, 100),
             labels: ["", ""],
@@ -240,19 +240,19 @@ mod tests {
             vec![(0.0, 0.5), (0.5, 1.0)],
             vec![(2.5, 1.0), (3.0, 0.5), (4.0, 0.5)],
         ];
-        assert_eq!(plot.inside(&points), pieces);
-        // What is no number breaks it.
-        assert!(plot.inside(&[(0.0, f64::NAN), (1.0, 0.5)]).is_empty());
+        assert_eq!(plot.clipped(&points), pieces);
+        // NaN breaks it.
+        assert!(plot.clipped(&[(0.0, f64::NAN), (1.0, 0.5)]).is_empty());
     }
 
     #[test]
-    fn colours_of_many_differ() {
-        for many in 1..=40 {
-            let mut all: Vec<_> = (0..many).map(|place| one_of(place, many)).collect();
+    fn colours_are_distinct() {
+        for count in 1..=40 {
+            let mut all: Vec<_> = (0..count).map(|i| distinct_colour(i, count)).collect();
             all.push(GREY);
             all.sort_by_key(|colour| (colour.0, colour.1, colour.2));
             all.dedup();
-            assert_eq!(all.len(), many + 1);
+            assert_eq!(all.len(), count + 1);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What is shown while something lasts.
+//! Progress bars.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -11,7 +11,7 @@ pub(crate) fn bar() -> ProgressBar {
     bar
 }
 
-/// Something that is done many times, with a step of the bar after each.
+/// Advances the bar after each call of `one`.
 pub(crate) fn counted<T, R>(bar: &ProgressBar, one: impl Fn(T) -> R) -> impl Fn(T) -> R {
     move |item| {
         let done = one(item);

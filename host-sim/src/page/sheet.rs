@@ -1,4 +1,4 @@
-//! Several panels in one drawing, with one key to all.
+//! Several panels in one drawing, with a common legend.
 
 use std::fmt::Write as _;
 
@@ -12,17 +12,17 @@ const COLUMNS: u32 = 3;
 const TITLE: u32 = 20;
 const ROW: u32 = CELL.1 + TITLE;
 
-/// A plot with its heading and the meaning of its colours.
+/// A plot with its title and legend.
 pub(crate) struct Panel {
     pub(crate) title: String,
     pub(crate) svg: String,
     pub(crate) keys: Vec<Key>,
 }
 
-/// A colour and what it means.
+/// An entry of the legend.
 pub(crate) type Key = (RGBColor, &'static str);
 
-/// A plot for a panel: labels of its axes, and their ends.
+/// A plot for a panel: labels and ranges of its axes.
 pub(crate) fn plot(labels: [&str; 2], x: (f64, f64), y: (f64, f64), marks: Vec<Mark>) -> Plot<'_> {
     Plot {
         size: CELL,
@@ -33,17 +33,17 @@ pub(crate) fn plot(labels: [&str; 2], x: (f64, f64), y: (f64, f64), marks: Vec<M
     }
 }
 
-/// Panels of [`CELL`] size row by row; the colours are explained in the cell after the last.
+/// Panels of [`CELL`] size row by row; the legend is in the cell after the last.
 pub(crate) fn svg(panels: &[Panel]) -> String {
-    let places = (0..).map(|index| (index % COLUMNS * CELL.0, index / COLUMNS * ROW));
+    let positions = (0..).map(|index| (index % COLUMNS * CELL.0, index / COLUMNS * ROW));
     let mut cells = String::new();
     let mut last = (0, 0);
-    for (place, index) in places.zip(0..=panels.len()) {
+    for (position, index) in positions.zip(0..=panels.len()) {
         cells += &match panels.get(index) {
-            Some(panel) => cell(panel, place),
-            None => keys(panels, place),
+            Some(panel) => cell(panel, position),
+            None => keys(panels, position),
         };
-        last = place;
+        last = position;
     }
     let (width, height) = (COLUMNS * CELL.0, last.1 + ROW);
     format!(
@@ -54,7 +54,7 @@ pub(crate) fn svg(panels: &[Panel]) -> String {
 }
 
 fn cell(panel: &Panel, (x, y): (u32, u32)) -> String {
-    // The title stands over the middle of the axes, not of the labels.
+    // The title is centred over the axes, without the labels.
     let (middle, base, top) = (x + CELL.0 / 2 + 25, y + TITLE - 5, y + TITLE);
     let (width, height) = CELL;
     let placed = format!("<svg x=\"{x}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" ");

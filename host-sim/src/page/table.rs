@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-/// A table with its title, or none.
+/// A table with its title, which may be empty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
     pub title: String,
@@ -27,8 +27,8 @@ impl Table {
 
     /// Without columns that are empty throughout.
     pub(crate) fn filled(mut self) -> Self {
-        let says = |row: &Vec<String>, at: usize| row.get(at).is_some_and(|cell| !cell.is_empty());
-        let filled = |at: &usize| self.rows.iter().any(|row| says(row, *at));
+        let has = |row: &Vec<String>, at: usize| row.get(at).is_some_and(|cell| !cell.is_empty());
+        let filled = |at: &usize| self.rows.iter().any(|row| has(row, *at));
         let kept: Vec<usize> = (0..self.header.len()).filter(filled).collect();
         for row in self.rows.iter_mut().chain([&mut self.header]) {
             let cells = kept.iter().filter_map(|at| row.get(*at).cloned());
@@ -48,7 +48,7 @@ impl Table {
     }
 }
 
-/// All in either form, each under its title.
+/// All tables in a format, each under its title.
 pub(crate) fn titled(tables: &[Table], form: fn(&Table) -> String) -> String {
     let text = |table: &Table| format!("{}\n\n{}", table.title, form(table));
     tables.iter().map(text).collect::<Vec<_>>().join("\n")
@@ -87,8 +87,7 @@ pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
     text
 }
 
-/// A row for each name, in the order in which they come first, with what each of some columns has under
-/// it.
+/// A row for each name, in order of first appearance, with its cell in each column.
 pub(crate) fn side_by_side(columns: &[Vec<(String, String)>]) -> Vec<Vec<String>> {
     let mut rows: Vec<Vec<String>> = Vec::new();
     for (name, _) in columns.iter().flatten() {

@@ -10,7 +10,7 @@ use super::{DrivenUnit, GoalStatus, Manoeuvre, Plan, Site, Stage, Unreached, sec
 use crate::aircraft::pictures::track;
 use crate::page::chart::{Chart, MOST_POINTS, Point, sampled};
 use crate::page::html::{Page, REPORT, Section};
-use crate::page::plot::{GREY, one_of};
+use crate::page::plot::{GREY, distinct_colour};
 use crate::page::table::{Table, cells};
 use crate::page::{brief, json, output};
 
@@ -182,7 +182,7 @@ impl<'a> Report<'a> {
                 }
                 begin_s = stage.end_s;
             }
-            chart = chart.line(manoeuvre.name(), one_of(place, many), &points);
+            chart = chart.line(manoeuvre.name(), distinct_colour(place, many), &points);
         }
         chart
     }
@@ -202,7 +202,7 @@ impl<'a> Report<'a> {
                 .iter()
                 .map(|(s, now)| (*s, ratio(&now[place])))
                 .collect();
-            let colour = one_of(place, before.len());
+            let colour = distinct_colour(place, before.len());
             chart = chart.line(&before[place].quantity, colour, &points);
             all.extend(points.iter().map(|point| point.1));
         }

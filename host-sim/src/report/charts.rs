@@ -1,4 +1,4 @@
-//! What the plots of the report show.
+//! The plots of the report.
 
 use ins_core::earth::Geodetic;
 use ins_core::{Manoeuvre, Phase, Solution, SolutionSigma, Time};
@@ -20,33 +20,33 @@ use crate::identify::true_errors::Truth;
 use crate::identify::words::{is_used, of_fix};
 use crate::log::BodyAxes;
 use crate::page::chart::{
-    BREAK, Chart, Figure, MOST_POINTS, Point, Spread, Thinner, sampled, thinned,
+    BREAK, Chart, Figure, MOST_POINTS, Point, SigmaPoint, Thinner, sampled, thinned,
 };
 use crate::page::html::Section;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 use crate::statistics::rms_of_any;
 
-/// Errors below are drawn here, m and m/s.
-const LEAST_ERROR: f64 = 1e-3;
-/// Most points of a track, and most refused fixes that are marked.
-const MOST_PLACES: usize = 4000;
-const MOST_REFUSED: usize = 500;
-/// A longer hole of the samples breaks their curve, s.
-const LONGEST_JOINED_S: f64 = 0.5;
+/// Smaller errors are drawn as this on logarithmic axes, m and m/s.
+const MIN_ERROR: f64 = 1e-3;
+/// Limits of the points of a track, and of the refused fixes that are marked.
+const MAX_TRACK_POINTS: usize = 4000;
+const MAX_REFUSED: usize = 500;
+/// Longest gap in the samples that does not break their curve, s.
+const MAX_GAP_S: f64 = 0.5;
 const COLOURS: [RGBColor; 3] = [BLUE, ORANGE, GREEN];
 const EAST_NORTH_UP: [&str; 3] = ["east", "north", "up"];
 
-pub(crate) struct Converging {
+pub(crate) struct EstimateHistory {
     pub(crate) title: String,
     pub(crate) unit: &'static str,
     /// Time since the first sample, value and one sigma.
-    pub(crate) points: Vec<Spread>,
+    pub(crate) points: Vec<SigmaPoint>,
     pub(crate) truth: Option<f64>,
-    /// When the vehicle did what shows it.
-    pub(crate) shown: Vec<Point>,
+    /// Intervals of the manoeuvres that make it observable.
+    pub(crate) observable_times: Vec<Point>,
 }
 
-impl Converging {
+impl EstimateHistory {
     fn new(
         title: String,
         unit: &'static str,
@@ -58,20 +58,20 @@ impl Converging {
             unit,
             points: estimates.map(spread).collect(),
             truth: None,
-            shown: Vec::new(),
+            observable_times: Vec::new(),
         }
     }
 
-    /// Axis for where the estimate settles, several sigmas wide; the first guesses may run out of
+    /// Range of the axis: that of the settled estimate, several sigmas wide; the first estimates may exceed
     /// it.
     pub(crate) fn settled_range(&self) -> Point {
         let settled = &self.points[self.points.len() / 4..];
-        let ends = |&(_, value, sigma): &Spread| [value - sigma, value + sigma];
+        let ends = |&(_, value, sigma): &SigmaPoint| [value - sigma, value + sigma];
         let mut edges: Vec<f64> = settled.iter().flat_map(ends).collect();
         edges.sort_by(f64::total_cmp);
         let part = edges.len() / 20;
         let middle = edges.get(part..edges.len() - part).unwrap_or_default();
-        let wide = |&(_, value, sigma): &Spread| [value - 6.0 * sigma, value + 6.0 * sigma];
+        let wide = |&(_, value, sigma): &SigmaPoint| [value - 6.0 * sigma, value + 6.0 * sigma];
         let end = self.points.last().map(wide);
         padded(
             (middle.iter().copied())
@@ -84,7 +84,7 @@ impl Converging {
     fn figure(&self, duration_s: f64) -> Figure {
         let points = sampled(&self.points, MOST_POINTS);
         let mut chart = Chart::over_time(&self.title, self.unit, duration_s)
-            .shade("manoeuvres that show it", &self.shown)
+            .shade("manoeuvres that show it", &self.observable_times)
             .band("estimate, one sigma", BLUE, &points);
         if let Some(truth) = self.truth {
             chart = chart.reference("truth", RED, &[(0.0, truth), (duration_s, truth)]);
@@ -99,7 +99,7 @@ pub(super) fn sections(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Se
          configured. Root mean square over expectation: 1 where they agree.";
     let sections = [
         ("Estimates as they converge", "", charts.estimates()),
-        ("What the estimates are worth", "", charts.worth()),
+        ("What the estimates are worth", "", charts.free_inertial()),
         ("Where it went", "", Vec::from_iter(charts.track())),
         ("Attitude, height and speed", "", charts.motion()),
         (
@@ -153,15 +153,15 @@ impl<'a> Charts<'a> {
         first.map_or(0.0, |first| time.seconds_since(first.time))
     }
 
-    /// Something of every row of the history in which it navigates, after its time.
+    /// Times and values of all rows of the history with phase navigating.
     fn rows<T>(&self, value: impl Fn(&Row) -> Option<T>) -> impl Iterator<Item = (f64, T)> {
         let rows = self.found.history.iter();
         rows.filter(|row| row.phase == Phase::Navigating)
             .filter_map(move |row| Some((self.since(row.time), value(row)?)))
     }
 
-    /// The estimates of the summary, and when each was observable.
-    pub(super) fn converging(&self) -> Vec<Converging> {
+    /// Histories of the estimates of the summary, and when each was observable.
+    pub(super) fn estimate_histories(&self) -> Vec<EstimateHistory> {
         let meta = &self.analysis.log.meta;
         let truths = self.analysis.truth.as_ref().map(Truth::columns);
         let quantities = |row: &Row| Some(Quantities::of_log(&row.estimates, meta).columns());
@@ -171,17 +171,17 @@ impl<'a> Charts<'a> {
                 0 => Some(Stage::Azimuth),
                 1 | 2 => Some(Stage::LevelAccels),
                 7 => Some(Stage::Latency),
-                _ => None, // It shows all the time.
+                _ => None, // Always observable.
             };
             let intervals = stage.map(|stage| stage.intervals(&self.found.history));
             let intervals = intervals.into_iter().flatten();
             let estimates = (rows.iter()).map(|(time_s, columns)| (*time_s, columns[index].1));
-            Converging {
+            EstimateHistory {
                 truth: truths.and_then(|truths| truths[index]),
-                shown: intervals
+                observable_times: intervals
                     .map(|(from, to)| (self.since(from), self.since(to)))
                     .collect(),
-                ..Converging::new(title(index, self.axes), unit, estimates)
+                ..EstimateHistory::new(title(index, self.axes), unit, estimates)
             }
         };
         QUANTITIES.into_iter().enumerate().map(one).collect()
@@ -192,9 +192,9 @@ impl<'a> Charts<'a> {
             let arm =
                 |row: &Row| Some(in_axes(self.axes, &row.estimates.lever_arm_m, 1.0).each()[axis]);
             let title = format!("Antenna {}", axis_name(axis, self.axes));
-            Converging::new(title, "m", self.rows(arm))
+            EstimateHistory::new(title, "m", self.rows(arm))
         };
-        let mut all = self.converging();
+        let mut all = self.estimate_histories();
         if self.analysis.summary.lever_arm_m.is_some() {
             all.extend((0..3).map(lever));
         }
@@ -202,7 +202,7 @@ impl<'a> Charts<'a> {
     }
 
     /// A free INS within windows, and against the truth.
-    fn worth(&self) -> Vec<Figure> {
+    fn free_inertial(&self) -> Vec<Figure> {
         let mut figures = Vec::new();
         let error = &self.found.velocity_error;
         if error.windows > 0 {
@@ -220,9 +220,9 @@ impl<'a> Charts<'a> {
             return figures;
         };
         let curve = |points: &[against_truth::Point], value: fn(&HorizontalError) -> f64| {
-            // Nothing at zero, which no logarithm shows.
+            // The logarithm of zero cannot be drawn.
             let point = |(time, error): &(Time, HorizontalError)| {
-                (self.since(*time), value(error).max(LEAST_ERROR))
+                (self.since(*time), value(error).max(MIN_ERROR))
             };
             thinned(points.iter().map(point))
         };
@@ -242,14 +242,14 @@ impl<'a> Charts<'a> {
         figures
     }
 
-    /// Where it went, coloured by manoeuvre.
+    /// The track, coloured by manoeuvre.
     fn track(&self) -> Option<Figure> {
-        let stay = |row: &Row| Some((row.manoeuvre, place(&row.solution?.position)));
-        let rows: Vec<(Manoeuvre, Point)> = self.rows(stay).map(|(_, stay)| stay).collect();
+        let point = |row: &Row| Some((row.manoeuvre, lon_lat(&row.solution?.position)));
+        let rows: Vec<(Manoeuvre, Point)> = self.rows(point).map(|(_, point)| point).collect();
         let ((_, start), (_, end)) = (*rows.first()?, *rows.last()?);
-        let rows = sampled(&rows, MOST_PLACES);
-        let fixes: Vec<Point> = (sampled(&self.analysis.log.gnss, MOST_PLACES).iter())
-            .filter_map(|fix| fix.geodetic_or(0.0).as_ref().map(place))
+        let rows = sampled(&rows, MAX_TRACK_POINTS);
+        let fixes: Vec<Point> = (sampled(&self.analysis.log.gnss, MAX_TRACK_POINTS).iter())
+            .filter_map(|fix| fix.geodetic_or(0.0).as_ref().map(lon_lat))
             .collect();
         let mut chart = Chart::map("Track", start.1.to_radians().cos().recip());
         chart = chart.reference("GNSS", GREY, &fixes);
@@ -260,16 +260,16 @@ impl<'a> Charts<'a> {
             (Manoeuvre::Braking, "braking", RED),
             (Manoeuvre::Turning, "turning", ORANGE),
         ] {
-            chart = chart.line(name, colour, &runs(&rows, manoeuvre));
+            chart = chart.line(name, colour, &pieces(&rows, manoeuvre));
         }
-        let mark = |place, text: &str| [(place, text.to_owned())];
+        let mark = |point, text: &str| [(point, text.to_owned())];
         chart = chart
             .marks("start", GREEN, "triangle-up", &mark(start, "start"))
             .marks("end", RED, "square", &mark(end, "end"));
         Some(chart.figure())
     }
 
-    /// The solution in its sigmas, over the reference where there is one.
+    /// The solution with its sigmas, and the reference, if any.
     fn motion(&self) -> Vec<Figure> {
         let solution = |row: &Row| {
             let solution = row.solution?;
@@ -280,18 +280,18 @@ impl<'a> Charts<'a> {
         let (rows, truth) = (sampled(&rows, MOST_POINTS), &self.analysis.log.truth);
         let truth = sampled(truth, MOST_POINTS);
         let figure = |index: usize, title, unit| {
-            let points: Vec<Spread> = (rows.iter())
+            let points: Vec<SigmaPoint> = (rows.iter())
                 .map(|(time, (values, sigmas))| (*time, values[index], sigmas[index]))
                 .collect();
-            let reference: Vec<Spread> = (truth.iter())
+            let reference: Vec<SigmaPoint> = (truth.iter())
                 .map(|s| (self.since(s.time), values(s)[index], 0.0))
                 .collect();
-            let curve: Vec<Point> = unwound(&reference).iter().map(|p| (p.0, p.1)).collect();
-            // The first sigmas would flatten the rest.
+            let curve: Vec<Point> = wrapped(&reference).iter().map(|p| (p.0, p.1)).collect();
+            // Not by the sigmas: the first ones are too large.
             let inner = padded(points.iter().map(|point| point.1), 1e-3);
             let chart = (self.over_time(title, unit))
                 .reference("reference", RED, &curve)
-                .band("solution, one sigma", BLUE, &unwound(&points));
+                .band("solution, one sigma", BLUE, &wrapped(&points));
             let chart = if index == 2 {
                 chart.circle()
             } else {
@@ -335,7 +335,7 @@ impl<'a> Charts<'a> {
         three_lines(chart.logarithmic_y(values), names, &[0, 1, 2].map(curve)).figure()
     }
 
-    /// Each component of the fixes against the solution of its moment.
+    /// Each component of the fixes against the solution at its time.
     fn innovations(&self) -> Vec<Figure> {
         type Component = fn(&Innovation) -> [Option<Residual>; 3];
         let kinds: [(&str, &str, Component); 2] = [
@@ -345,17 +345,17 @@ impl<'a> Charts<'a> {
         let mut figures = Vec::new();
         for (quantity, unit, component) in kinds {
             for (axis, direction) in EAST_NORTH_UP.into_iter().enumerate() {
-                let offs: Vec<(f64, Residual)> = (self.found.innovations.iter())
+                let residuals: Vec<(f64, Residual)> = (self.found.innovations.iter())
                     .filter_map(|i| Some((self.since(i.time), component(i)[axis]?)))
                     .collect();
-                // 1 where what they are off by agrees with its expectation.
-                let ratio = rms_of_any(offs.iter().map(|(_, off)| off.value / off.sigma));
+                // 1 if the innovations agree with their expected sigma.
+                let ratio = rms_of_any(residuals.iter().map(|(_, r)| r.value / r.sigma));
                 let Some(ratio) = ratio else {
                     continue;
                 };
-                let sigmas: Vec<Point> = offs.iter().map(|(t, off)| (*t, off.sigma)).collect();
-                let values: Vec<f64> = offs.iter().map(|(_, off)| off.value).collect();
-                let curve = thinned(offs.iter().map(|(t, off)| (*t, off.value)));
+                let sigmas: Vec<Point> = residuals.iter().map(|(t, r)| (*t, r.sigma)).collect();
+                let values: Vec<f64> = residuals.iter().map(|(_, r)| r.value).collect();
+                let curve = thinned(residuals.iter().map(|(t, r)| (*t, r.value)));
                 let chart = self
                     .over_time(format!("{quantity}, {direction}"), unit)
                     .note(format!("RMS over expectation: {ratio:.2}"))
@@ -368,7 +368,7 @@ impl<'a> Charts<'a> {
         figures
     }
 
-    /// Intervals between stamps, what was refused, and latency as it is at each moment.
+    /// Intervals between stamps, refused fixes, and the latency over time.
     fn stamps(&self) -> Vec<Figure> {
         let log = &self.analysis.log;
         let step = |from: Time, to: Time| (self.since(to), to.seconds_since(from).max(1e-6));
@@ -395,7 +395,7 @@ impl<'a> Charts<'a> {
             ))
             .line("interval", BLUE, &thinned(fix_steps.iter().copied()))
             .logarithmic_y(fix_steps.iter().map(|step| step.1))
-            .marks("refused", RED, "x", &sampled(&refused, MOST_REFUSED));
+            .marks("refused", RED, "x", &sampled(&refused, MAX_REFUSED));
         let mut sample_steps = Thinner::new(log.imu.len().saturating_sub(1));
         for [last, sample] in log.imu.pairs() {
             sample_steps.push(step(last.time, sample.time));
@@ -409,7 +409,7 @@ impl<'a> Charts<'a> {
             let now = &row.estimates.gnss_latency_now_s;
             Some(latency_of_log(now, &log.meta))
         };
-        let latency = Converging::new(
+        let latency = EstimateHistory::new(
             "GNSS latency at the moment".to_owned(),
             "ms",
             self.rows(now),
@@ -423,15 +423,15 @@ impl<'a> Charts<'a> {
         let log = &self.analysis.log;
         let curve = || Thinner::new(log.imu.len().saturating_sub(1));
         let [mut gyros, mut accels] = [0, 1].map(|_| [0, 1, 2].map(|_| curve()));
-        // A hole that is narrower than a point cannot be seen.
-        let visible_s = LONGEST_JOINED_S.max(self.duration_s / MOST_POINTS as f64);
+        // A gap narrower than a point is not visible.
+        let visible_s = MAX_GAP_S.max(self.duration_s / MOST_POINTS as f64);
         for [last, sample] in log.imu.pairs() {
             let seconds = sample.time.seconds_since(last.time);
             if seconds > visible_s {
                 gyros.iter_mut().chain(&mut accels).for_each(Thinner::cut);
             }
-            let held = log.meta.imu.per_rate(seconds);
-            let per_second = held.recip();
+            let factor = log.meta.imu.per_rate(seconds);
+            let per_second = factor.recip();
             let time_s = self.since(sample.time);
             let gyro = self
                 .axes
@@ -454,7 +454,7 @@ impl<'a> Charts<'a> {
         ]
     }
 
-    /// The corrections f^C and omega^C, and what they come from.
+    /// The corrections f^C and omega^C, and the velocity difference that they are computed from.
     fn damping(&self) -> Vec<Figure> {
         type Signal = fn(&Row) -> nalgebra::Vector3<f64>;
         let kinds: [(&str, &str, f64, Signal); 3] = [
@@ -487,7 +487,7 @@ impl<'a> Charts<'a> {
     }
 }
 
-/// Allan deviations beside the white noise that was found.
+/// Allan deviations, and the identified white noise.
 pub(super) fn allan_figures(sensors: &Sensors) -> Vec<Figure> {
     let (model, at_rest) = (sensors.model.model(), sensors.at_rest);
     let figure = |title, unit, points: &[allan::Point], noise: f64| {
@@ -541,7 +541,7 @@ fn values(solution: &Solution) -> [f64; 5] {
 
 /// One sigma of each.
 fn sigmas(sigma: &SolutionSigma, solution: &Solution) -> [f64; 5] {
-    // East and north turned to along and across a direction; what they have in common is not known.
+    // East and north rotated to along and across a direction; their correlation is not known.
     let along = |angle: f64, east: f64, north: f64| (angle.sin() * east).hypot(angle.cos() * north);
     let across = |angle: f64, east: f64, north: f64| along(angle, north, east);
     let (heading, tilt) = (solution.euler().heading_rad, sigma.attitude_rad);
@@ -556,8 +556,8 @@ fn sigmas(sigma: &SolutionSigma, solution: &Solution) -> [f64; 5] {
     ]
 }
 
-/// Broken where an angle goes through north, or through 180 deg.
-fn unwound(points: &[Spread]) -> Vec<Spread> {
+/// The curve of an angle, broken where it wraps at north or at 180 deg.
+fn wrapped(points: &[SigmaPoint]) -> Vec<SigmaPoint> {
     let mut broken = Vec::with_capacity(points.len());
     for (index, point) in points.iter().enumerate() {
         if index > 0 && (point.1 - points[index - 1].1).abs() > 180.0 {
@@ -568,7 +568,7 @@ fn unwound(points: &[Spread]) -> Vec<Spread> {
     broken
 }
 
-/// Axis that a few wild values, like those of the start, do not flatten.
+/// Range of the axis without outliers, such as those of the start.
 fn inner_range(mut values: Vec<f64>) -> Point {
     values.sort_by(f64::total_cmp);
     let part = values.len() / 200;
@@ -577,15 +577,15 @@ fn inner_range(mut values: Vec<f64>) -> Point {
 }
 
 /// Longitude and latitude, deg.
-fn place(position: &Geodetic) -> Point {
+fn lon_lat(position: &Geodetic) -> Point {
     (
         position.longitude_rad.to_degrees(),
         position.latitude_rad.to_degrees(),
     )
 }
 
-/// The stretches of one manoeuvre, each to where the next begins, with breaks between.
-fn runs(rows: &[(Manoeuvre, Point)], which: Manoeuvre) -> Vec<Point> {
+/// The track pieces of one manoeuvre, each up to the start of the next, with breaks between.
+fn pieces(rows: &[(Manoeuvre, Point)], which: Manoeuvre) -> Vec<Point> {
     let mut points = Vec::new();
     for pair in rows.windows(2) {
         if pair[0].0 == which {

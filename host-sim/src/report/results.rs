@@ -11,11 +11,11 @@ use crate::identify::words;
 use crate::page::table::{Table, heads};
 use crate::page::{brief, digits, fixed};
 
-/// Sigmas that an error may have.
-const SURE: f64 = 4.5;
-/// Sigmas that a value must have to be told from zero.
+/// Largest plausible error, sigmas.
+const GROSS: f64 = 4.5;
+/// Least value that is distinct from zero, sigmas.
 const DISTINCT: f64 = 2.0;
-/// The subject of one row.
+/// Name of the row of the heading.
 const HEADING: &str = "Heading at the end, from north";
 
 /// All tables of a log; those without rows are left out.
@@ -46,22 +46,22 @@ fn results(analysis: &Analysis) -> Table {
             7 => ("", "a fix stamped t shows the motion at t minus this"),
             _ => ("", "subtract from readings"),
         };
-        let subject = title(index, axes) + more;
+        let name = title(index, axes) + more;
         rows.push(Row {
             truth: truths[index],
-            ..Row::new(subject, quantity, QUANTITIES[index].2, remark)
+            ..Row::new(name, quantity, QUANTITIES[index].2, remark)
         });
     }
     rows.insert(
         1,
         Row::new(HEADING.to_owned(), summary.heading_end_deg, "deg", ""),
     );
-    let told = in_axes(axes, &analysis.found.end.estimates.lever_arm_m, 1.0);
+    let lever_arm = in_axes(axes, &analysis.found.end.estimates.lever_arm_m, 1.0);
     for axis in 0..3 {
-        let subject = format!("Antenna {}", axis_name(axis, axes));
+        let name = format!("Antenna {}", axis_name(axis, axes));
         rows.push(match &summary.lever_arm_m {
-            Some(arm) => Row::new(subject, arm.each()[axis], "m", "from the inertial sensors"),
-            None => Row::configured(subject, told.each()[axis].value),
+            Some(arm) => Row::new(name, arm.each()[axis], "m", "from the inertial sensors"),
+            None => Row::configured(name, lever_arm.each()[axis].value),
         });
     }
     let receiver = [
@@ -97,7 +97,7 @@ fn results(analysis: &Analysis) -> Table {
 }
 
 struct Row<'a> {
-    subject: String,
+    name: String,
     quantity: Quantity,
     unit: &'a str,
     truth: Option<f64>,
@@ -106,9 +106,9 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn new(subject: String, quantity: Quantity, unit: &'a str, remark: &'a str) -> Self {
+    fn new(name: String, quantity: Quantity, unit: &'a str, remark: &'a str) -> Self {
         Self {
-            subject,
+            name,
             quantity,
             unit,
             truth: None,
@@ -117,8 +117,8 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// What the navigator was told, or took for granted.
-    fn configured(subject: String, value_m: f64) -> Self {
+    /// A configured value, not estimated.
+    fn configured(name: String, value_m: f64) -> Self {
         let quantity = Quantity {
             value: value_m,
             sigma: 0.0,
@@ -126,7 +126,7 @@ impl<'a> Row<'a> {
         };
         Self {
             estimated: false,
-            ..Self::new(subject, quantity, "m", "as configured, not estimated")
+            ..Self::new(name, quantity, "m", "as configured, not estimated")
         }
     }
 
@@ -137,7 +137,7 @@ impl<'a> Row<'a> {
             (true, true) => words::with_sigma(q),
             (true, false) => "not observable".to_owned(),
         };
-        let mut cells = vec![self.subject.clone(), estimate, self.unit.to_owned()];
+        let mut cells = vec![self.name.clone(), estimate, self.unit.to_owned()];
         let error = self
             .truth
             .filter(|_| q.observable())
@@ -155,9 +155,9 @@ impl<'a> Row<'a> {
         let q = &self.quantity;
         match error {
             _ if !q.observable() => q.observability.why(),
-            Some(error) if error.abs() > SURE * q.sigma => "wrong by more than its sigma allows",
-            // North is a heading like any other.
-            _ if self.subject == HEADING => self.remark,
+            Some(error) if error.abs() > GROSS * q.sigma => "wrong by more than its sigma allows",
+            // Zero is no special heading.
+            _ if self.name == HEADING => self.remark,
             _ if q.value.abs() < DISTINCT * q.sigma => "not distinct from zero",
             _ => self.remark,
         }

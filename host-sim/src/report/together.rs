@@ -1,4 +1,4 @@
-//! Several logs of one unit on one page: do they say the same of it?
+//! Several logs of one unit on one page: do their estimates agree?
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -6,17 +6,17 @@ use crate::identify::error_model::Sensors;
 use crate::identify::quantities::{QUANTITIES, Quantity};
 use crate::identify::summary::Summary;
 use crate::identify::words;
-use crate::page::chart::{Chart, Figure, Spread};
+use crate::page::chart::{Chart, Figure, SigmaPoint};
 use crate::page::digits;
 use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREY};
 use crate::page::table::{Table, heads};
 
-/// Logs that agree differ by more than this once in a hundred times.
-const CHANCE: f64 = 0.01;
+/// Significance level of the test that logs agree.
+const SIGNIFICANCE: f64 = 0.01;
 
 pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
-    let shared: Vec<Shared> = shared(logs);
+    let shared: Vec<SharedQuantity> = shared_quantities(logs);
     let names: Vec<&str> = logs.iter().map(|log| log.log.as_str()).collect();
     let named = |summary: &Summary| {
         let warnings = summary.warnings.iter();
@@ -32,7 +32,7 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
                 one.name
             )
         });
-    let axes = (!alike(logs)).then(|| {
+    let axes = (!same_axes(logs)).then(|| {
         "The logs have other axes than each other: what lies along an axis is not compared"
             .to_owned()
     });
@@ -51,7 +51,7 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
             .collect(),
         tables: vec![
             side_by_side(logs, &shared),
-            listed(logs),
+            log_list(logs),
             Table {
                 title: model.to_owned(),
                 ..sensors.model.table()
@@ -62,7 +62,7 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
                 title: "Side by side",
                 note: "Biases change from switch-on to switch-on: where logs differ, so may the unit.",
                 figures: (shared.iter())
-                    .filter(|one| one.known().next().is_some())
+                    .filter(|one| one.observable().next().is_some())
                     .map(|one| one.figure(&names))
                     .collect(),
             },
@@ -75,46 +75,46 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
     }
 }
 
-/// A quantity of the unit, as each log tells it.
-struct Shared {
+/// A quantity of the unit, as estimated from each log.
+struct SharedQuantity {
     name: String,
     unit: &'static str,
-    told: Vec<Quantity>,
+    estimates: Vec<Quantity>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Agreement {
     Agree,
     Differ,
-    /// Fewer than two logs show it.
+    /// Observable in fewer than two logs.
     Unknown,
 }
 
-/// Whether all are in the axes of the first.
-fn alike(logs: &[Summary]) -> bool {
+/// Whether all logs have the same axes.
+fn same_axes(logs: &[Summary]) -> bool {
     logs.windows(2)
         .all(|two| two[0].body_axes == two[1].body_axes)
 }
 
-/// What should not change from log to log: not the heading, nor what lies along axes that are not the same.
-fn shared(logs: &[Summary]) -> Vec<Shared> {
-    let of_all = |index: usize| Shared {
+/// Quantities that should not change from log to log: not the heading, and none along axes that differ.
+fn shared_quantities(logs: &[Summary]) -> Vec<SharedQuantity> {
+    let of_all = |index: usize| SharedQuantity {
         name: QUANTITIES[index].1.to_owned(),
         unit: QUANTITIES[index].2,
-        told: (logs.iter())
+        estimates: (logs.iter())
             .map(|log| log.quantities.columns()[index].1)
             .collect(),
     };
     let antenna = |axis: usize| {
-        // None where the navigator was told instead.
-        let told = |log: &Summary| Some(log.lever_arm_m.as_ref()?.each()[axis]);
-        Some(Shared {
+        // `None` if it is configured, not estimated.
+        let estimates = |log: &Summary| Some(log.lever_arm_m.as_ref()?.each()[axis]);
+        Some(SharedQuantity {
             name: format!("Antenna {}", ["x", "y", "z"][axis]),
             unit: "m",
-            told: logs.iter().map(told).collect::<Option<_>>()?,
+            estimates: logs.iter().map(estimates).collect::<Option<_>>()?,
         })
     };
-    let axes = if alike(logs) { 3 } else { 0 };
+    let axes = if same_axes(logs) { 3 } else { 0 };
     let biases = (1..=2 * axes).map(of_all);
     biases
         .chain((0..axes).filter_map(antenna))
@@ -122,36 +122,36 @@ fn shared(logs: &[Summary]) -> Vec<Shared> {
         .collect()
 }
 
-impl Shared {
-    fn known(&self) -> impl Iterator<Item = &Quantity> {
-        self.told.iter().filter(|quantity| quantity.observable())
+impl SharedQuantity {
+    fn observable(&self) -> impl Iterator<Item = &Quantity> {
+        self.estimates.iter().filter(|q| q.observable())
     }
 
-    /// Mean weighted by the sigmas, and its own.
+    /// Weighted mean, and its sigma.
     fn mean(&self) -> (f64, f64) {
         let weight = |q: &Quantity| (q.sigma * q.sigma).recip();
-        let weights: f64 = self.known().map(weight).sum();
-        let sum: f64 = self.known().map(|q| q.value * weight(q)).sum();
+        let weights: f64 = self.observable().map(weight).sum();
+        let sum: f64 = self.observable().map(|q| q.value * weight(q)).sum();
         (sum / weights, weights.sqrt().recip())
     }
 
     fn agreement(&self) -> Agreement {
         let (mean, _) = self.mean();
         let squares = self
-            .known()
+            .observable()
             .map(|q| ((q.value - mean) / q.sigma).powi(2))
             .sum::<f64>();
-        let freedom = self.known().count().saturating_sub(1);
-        match ChiSquared::new(freedom as f64) {
-            Ok(chi) if chi.sf(squares) < CHANCE => Agreement::Differ,
+        let degrees_of_freedom = self.observable().count().saturating_sub(1);
+        match ChiSquared::new(degrees_of_freedom as f64) {
+            Ok(chi) if chi.sf(squares) < SIGNIFICANCE => Agreement::Differ,
             Ok(_) => Agreement::Agree,
             Err(_) => Agreement::Unknown,
         }
     }
 
     fn figure(&self, names: &[&str]) -> Figure {
-        let told = self.told.iter().zip(names).enumerate();
-        let bars: Vec<(Spread, String)> = told
+        let estimates = self.estimates.iter().zip(names).enumerate();
+        let bars: Vec<(SigmaPoint, String)> = estimates
             .filter(|(_, (quantity, _))| quantity.observable())
             .map(|(index, (quantity, name))| {
                 let spread = ((index + 1) as f64, quantity.value, quantity.sigma);
@@ -171,7 +171,7 @@ impl Shared {
     }
 }
 
-fn listed(logs: &[Summary]) -> Table {
+fn log_list(logs: &[Summary]) -> Table {
     let row = |(number, log): (usize, &Summary)| {
         let minutes = format!("{:.1}", log.duration_s / 60.0);
         vec![format!("log {number}"), minutes, log.log.clone()]
@@ -179,20 +179,20 @@ fn listed(logs: &[Summary]) -> Table {
     Table::of("The logs", heads("| min | name"), (1..).zip(logs).map(row))
 }
 
-fn side_by_side(logs: &[Summary], shared: &[Shared]) -> Table {
+fn side_by_side(logs: &[Summary], shared: &[SharedQuantity]) -> Table {
     let mut header = heads("| unit");
     header.extend((1..=logs.len()).map(|number| format!("log {number}")));
     header.extend(heads("mean | do they agree"));
-    let row = |one: &Shared| {
+    let row = |one: &SharedQuantity| {
         let mut row = vec![one.name.clone(), one.unit.to_owned()];
-        row.extend(one.told.iter().map(words::in_words));
+        row.extend(one.estimates.iter().map(words::in_words));
         let (mean, sigma) = one.mean();
         let (mean, agree) = match one.agreement() {
             Agreement::Agree => {
                 let mean = format!("{} \u{b1} {}", digits(sigma, mean), digits(sigma, sigma));
                 (mean, "yes")
             }
-            // Of what differs a mean with a sigma would claim too much.
+            // A mean with a sigma would be misleading.
             Agreement::Differ => (String::new(), "no"),
             Agreement::Unknown => (String::new(), "fewer than two logs show it"),
         };
@@ -207,33 +207,33 @@ mod tests {
     use super::*;
     use ins_core::Observability;
 
-    fn told(values: &[f64], observability: Observability) -> Shared {
+    fn shared(values: &[f64], observability: Observability) -> SharedQuantity {
         let quantity = |value: &f64| Quantity {
             value: *value,
             sigma: 1.0,
             observability,
         };
-        Shared {
+        SharedQuantity {
             name: String::new(),
             unit: "",
-            told: values.iter().map(quantity).collect(),
+            estimates: values.iter().map(quantity).collect(),
         }
     }
 
     #[test]
     fn logs_differ_where_chance_does_not_explain_it() {
-        let known = |values: &[f64]| told(values, Observability::Observable).agreement();
-        assert_eq!(known(&[0.0, 1.0, 2.0]), Agreement::Agree);
-        assert_eq!(known(&[0.0, 0.0, 5.0]), Agreement::Differ);
-        assert_eq!(known(&[3.0]), Agreement::Unknown);
-        let unknown = told(&[0.0, 9.0], Observability::NeedsTurn);
+        let agreement = |values: &[f64]| shared(values, Observability::Observable).agreement();
+        assert_eq!(agreement(&[0.0, 1.0, 2.0]), Agreement::Agree);
+        assert_eq!(agreement(&[0.0, 0.0, 5.0]), Agreement::Differ);
+        assert_eq!(agreement(&[3.0]), Agreement::Unknown);
+        let unknown = shared(&[0.0, 9.0], Observability::NeedsTurn);
         assert_eq!(unknown.agreement(), Agreement::Unknown);
     }
 
     #[test]
     fn a_mean_is_drawn_only_of_logs_that_agree() {
         let drawn = |values: &[f64]| {
-            let shared = told(values, Observability::Observable);
+            let shared = shared(values, Observability::Observable);
             let page = serde_json::to_string(&shared.figure(&["a", "b"])).unwrap();
             page.contains("mean, one sigma")
         };
