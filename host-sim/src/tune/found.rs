@@ -1,4 +1,4 @@
-//! A quantity as found, or what would show it.
+//! An identified quantity, or what would make it observable.
 
 use ins_core::Estimate;
 use serde::{Serialize, Serializer};
@@ -9,15 +9,15 @@ use crate::page::digits;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Best value; means nothing unless known.
+    /// Best value; meaningless unless known.
     pub value: f64,
     pub sigma: f64,
-    /// What to drive or fly so that it becomes known; none if it is.
+    /// Manoeuvres that would make it known; none if it is.
     pub missing: Option<&'static str>,
 }
 
 impl Found {
-    /// Known to a sigma.
+    /// Known, with a sigma.
     pub fn known(value: f64, sigma: f64) -> Self {
         Self {
             value,
@@ -42,7 +42,7 @@ impl Found {
         }
     }
 
-    /// A spread with a 95 % interval; one that is vaguer than by a factor of two is not known.
+    /// A noise or sigma with a 95 % interval; not known if uncertain by more than a factor of two, one sigma.
     pub fn within(interval: Option<Interval>, missing: &'static str) -> Self {
         let known = |found: &Interval| {
             found.low > 0.0 && found.low < found.high && found.high < 16.0 * found.low
@@ -55,7 +55,7 @@ impl Found {
             })
     }
 
-    /// The same, unless there is a reason against it.
+    /// Not known if there is a reason.
     #[must_use]
     pub fn unless(self, missing: Option<&'static str>) -> Self {
         Self {
@@ -64,7 +64,7 @@ impl Found {
         }
     }
 
-    /// In another unit, or along the opposite axis.
+    /// In another unit, or with the opposite sign.
     #[must_use]
     pub fn scaled(self, by: f64) -> Self {
         Self {
@@ -74,7 +74,7 @@ impl Found {
         }
     }
 
-    /// On top of what is set already.
+    /// Added to a value that is already set.
     #[must_use]
     pub fn plus(self, set: f64) -> Self {
         Self {
@@ -83,7 +83,7 @@ impl Found {
         }
     }
 
-    /// The sum of two, as if found apart.
+    /// The sum of two independent quantities.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -97,7 +97,7 @@ impl Found {
         self.missing.is_none()
     }
 
-    /// Its digits down to the second of its sigma.
+    /// Rounded to the second digit of its sigma.
     pub fn digits(&self) -> String {
         digits(self.sigma, self.value)
     }

@@ -1,7 +1,7 @@
-//! What a log says of its sensors, as the parameters of programs that use them.
+//! Sensor parameters identified from a log, in the formats of other programs.
 //!
-//! The core and the error model find it; here it gets one sentence where it is missing, a verdict,
-//! and each target's names, signs, axes and units.
+//! The core and the error model identify them; here they get a hint where they are missing, a verdict, and each
+//! target's names, signs, axes and units.
 
 mod found;
 mod mount;

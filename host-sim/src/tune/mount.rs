@@ -1,8 +1,8 @@
-//! How the unit stands on a vehicle that goes where it points.
+//! Mount angles of the unit on a vehicle that moves along its forward axis.
 //!
-//! Every second of straight motion shows the unit's attitude against the course, level across. A car
-//! goes where it points. So does an aircraft but for the wind, which comes from all sides once it
-//! has flown all ways, and for its angle of attack. A multicopter goes anywhere.
+//! Every second of straight motion gives the attitude of the unit relative to the course, at zero roll. A car
+//! moves along its forward axis. So does an aircraft except for the wind, which averages out over all courses,
+//! and for its angle of attack. A multicopter moves in any direction.
 
 use ins_core::attitude::{self, Euler};
 use ins_core::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
@@ -15,19 +15,19 @@ use crate::identify::free_inertial::known;
 use crate::identify::row::Row;
 use crate::log;
 
-/// Slower than this the course is noise, m/s.
-const SLOW_MPS: f64 = 4.0;
-/// Turns of the course: below straight, above turning, rad/s; and seconds of either that are enough.
+/// Least speed for a usable course, m/s.
+const MIN_SPEED_MPS: f64 = 4.0;
+/// Course rates: below straight, above turning, rad/s; and the seconds of either that are needed.
 const STRAIGHT_RADPS: f64 = 0.03;
 const TURNING_RADPS: f64 = 0.1;
-const ENOUGH: [usize; 2] = [30, 10];
-/// Seconds apart at which the scatter is new.
+const MIN_SECONDS: [usize; 2] = [30, 10];
+/// Interval of independent scatter, s.
 const INDEPENDENT_S: f64 = 10.0;
-/// Scatter about the course beyond which a car, or an aircraft, does not go where it points, rad.
+/// Largest scatter about the course of a car and of an aircraft, rad.
 const SCATTER_RAD: [f64; 2] = [0.06, 0.12];
-/// Bank, of what a coordinated turn takes: at most of a car, at least of an aircraft.
-const BANK: [f64; 2] = [0.4, 0.6];
-/// Roads fall to their side, rad.
+/// Bank over that of a coordinated turn: at most of a car, at least of an aircraft.
+const BANK_RATIO: [f64; 2] = [0.4, 0.6];
+/// Crossfall of roads, rad.
 const CROSSFALL_RAD: f64 = 0.01;
 
 const NO_COURSE: &str = "drive or fly straight at 20 km/h and more for a minute, with some turns \
@@ -37,13 +37,13 @@ const NO_LEVEL: &str = "turn by 90 degrees and more, both ways, which shows the 
 const ATTACK: &str = "the angle of attack is part of it in flight: measure it on the ground";
 const NO_WIND: &str = "fly straight legs in at least three directions, for the wind";
 
-/// How it moves.
+/// Kind of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Vehicle {
-    /// Drives where it points, level across.
+    /// Moves along its forward axis, at zero roll.
     Car,
-    /// Banks into turns, and flies where it points but for the wind.
+    /// Banks into turns, and flies along its forward axis except for the wind.
     Aircraft,
     /// Neither.
     Other,
@@ -59,20 +59,20 @@ pub struct Mount {
     pub pitch_rad: Found,
     /// About the vertical.
     pub heading_rad: Found,
-    /// Robust standard deviation of single seconds about roll, pitch and heading; none without.
+    /// Robust standard deviation of single seconds about roll, pitch and heading.
     pub spread_rad: Option<[f64; 3]>,
 }
 
-/// The unit against the course at one second.
+/// Attitude relative to the course over one second.
 struct Second {
     course_rad: f64,
     turn_radps: f64,
     speed_mps: f64,
-    against: Euler,
+    relative: Euler,
 }
 
-/// Median of angles, and the standard deviation that their median deviation is of.
-struct Middle {
+/// Median of angles, and the standard deviation from their median absolute deviation.
+struct RobustMean {
     value: f64,
     spread: f64,
 }
@@ -89,37 +89,37 @@ impl Mount {
         let seconds: Vec<Second> = history.windows(3).filter_map(second).collect();
         let (straight, rest): (Vec<&Second>, Vec<&Second>) =
             (seconds.iter()).partition(|second| second.turn_radps.abs() < STRAIGHT_RADPS);
-        if straight.len() < ENOUGH[0] {
+        if straight.len() < MIN_SECONDS[0] {
             return mount;
         }
         let all = |angle: fn(&Euler) -> f64| -> Vec<f64> {
-            let angles = straight.iter().map(|second| angle(&second.against));
+            let angles = straight.iter().map(|second| angle(&second.relative));
             angles.collect()
         };
-        let (roll, pitch) = (middle(&all(|e| e.roll_rad)), middle(&all(|e| e.pitch_rad)));
+        let (roll, pitch) = (robust(&all(|e| e.roll_rad)), robust(&all(|e| e.pitch_rad)));
         let heading = all(|e| e.heading_rad);
-        let (plain, windless) = (middle(&heading), without_wind(&straight, &heading));
+        let (plain, windless) = (robust(&heading), without_wind(&straight, &heading));
         mount.spread_rad = Some([roll.spread, pitch.spread, plain.spread]);
         let bank = bank(&rest, roll.value);
-        let worst = |heading: &Middle| heading.spread.max(pitch.spread);
+        let worst = |heading: &RobustMean| heading.spread.max(pitch.spread);
         let along = worst(windless.as_ref().unwrap_or(&pitch)) < SCATTER_RAD[1];
         mount.vehicle = match bank {
-            Some(bank) if bank < BANK[0] && worst(&plain) < SCATTER_RAD[0] => Vehicle::Car,
-            Some(bank) if bank > BANK[1] && along => Vehicle::Aircraft,
+            Some(bank) if bank < BANK_RATIO[0] && worst(&plain) < SCATTER_RAD[0] => Vehicle::Car,
+            Some(bank) if bank > BANK_RATIO[1] && along => Vehicle::Aircraft,
             _ => return mount,
         };
         let biases = &end.accel_bias_mps2[..2];
         let tilt = biases[0].sigma.hypot(biases[1].sigma) / GRAVITY_EQUATOR_MPS2;
         let no_level = (!biases.iter().all(known)).then_some(NO_LEVEL);
         let times = (straight.len() as f64 / INDEPENDENT_S).sqrt();
-        let found = |middle: &Middle, systematic: f64| {
-            let sigma = systematic.hypot(middle.spread / times);
-            Found::known(wrap_pi(middle.value), sigma)
+        let found = |robust: &RobustMean, systematic: f64| {
+            let sigma = systematic.hypot(robust.spread / times);
+            Found::known(wrap_pi(robust.value), sigma)
         };
         let azimuth = end.azimuth_error_rad.sigma;
         let is_car = mount.vehicle == Vehicle::Car;
-        let fall = if is_car { CROSSFALL_RAD } else { 0.0 };
-        mount.roll_rad = found(&roll, tilt.hypot(fall)).unless(no_level);
+        let crossfall = if is_car { CROSSFALL_RAD } else { 0.0 };
+        mount.roll_rad = found(&roll, tilt.hypot(crossfall)).unless(no_level);
         mount.pitch_rad = found(&pitch, tilt)
             .unless((!is_car).then_some(ATTACK))
             .unless(no_level);
@@ -136,7 +136,7 @@ fn second(rows: &[Row]) -> Option<Second> {
     let speed = |solution: &Solution| solution.velocity_enu_mps.xy().norm();
     let course = |s: &Solution| libm::atan2(s.velocity_enu_mps.x, s.velocity_enu_mps.y);
     let speeds = [&before, &now, &after].map(speed);
-    let fast = speeds.iter().all(|mps| *mps > SLOW_MPS);
+    let fast = speeds.iter().all(|mps| *mps > MIN_SPEED_MPS);
     let seconds = after.time.seconds_since(before.time);
     if !known(&rows[1].estimates.azimuth_error_rad) || !fast || seconds > 3.0 {
         return None;
@@ -150,55 +150,55 @@ fn second(rows: &[Row]) -> Option<Second> {
         course_rad: course(&now),
         turn_radps: wrap_pi(course(&after) - course(&before)) / seconds,
         speed_mps: speed(&now),
-        against: attitude::euler(&(ahead.inverse() * now.attitude)),
+        relative: attitude::euler(&(ahead.inverse() * now.attitude)),
     })
 }
 
-/// On a circle, which has no ends.
-fn middle(angles: &[f64]) -> Middle {
+/// Median on a circle, by deviations from the mean direction.
+fn robust(angles: &[f64]) -> RobustMean {
     let sum = |of: fn(f64) -> f64| angles.iter().copied().map(of).sum::<f64>();
     let about = libm::atan2(sum(libm::sin), sum(libm::cos));
-    let off: Vec<f64> = angles.iter().map(|angle| wrap_pi(angle - about)).collect();
-    let median = log::median(off.iter().copied());
-    Middle {
+    let deviations: Vec<f64> = angles.iter().map(|angle| wrap_pi(angle - about)).collect();
+    let median = log::median(deviations.iter().copied());
+    RobustMean {
         value: about + median,
-        spread: 1.4826 * log::median(off.iter().map(|off| (off - median).abs())),
+        spread: 1.4826 * log::median(deviations.iter().map(|d| (d - median).abs())),
     }
 }
 
-/// Heading against the course with what a steady wind does to it, `a sin + b cos` of the course,
-/// taken out by least squares; none if the courses do not tell it apart.
-fn without_wind(straight: &[&Second], heading: &[f64]) -> Option<Middle> {
-    let about = middle(heading).value;
-    let shares = |s: &Second| Vector3::new(1.0, libm::sin(s.course_rad), libm::cos(s.course_rad));
+/// Heading relative to the course, with the effect of a steady wind, `a sin + b cos` of the course, removed by
+/// least squares; none if the courses do not separate it.
+fn without_wind(straight: &[&Second], heading: &[f64]) -> Option<RobustMean> {
+    let about = robust(heading).value;
+    let terms = |s: &Second| Vector3::new(1.0, libm::sin(s.course_rad), libm::cos(s.course_rad));
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for (second, angle) in straight.iter().zip(heading) {
-        normal += shares(second) * shares(second).transpose();
-        right += shares(second) * wrap_pi(angle - about);
+        normal += terms(second) * terms(second).transpose();
+        right += terms(second) * wrap_pi(angle - about);
     }
-    // Of courses all around the least eigenvalue is half of their number.
+    // With courses in all directions the least eigenvalue is half of their number.
     if normal.symmetric_eigenvalues().min() < 0.1 * straight.len() as f64 {
         return None;
     }
     let wind = (normal.try_inverse()? * right).component_mul(&Vector3::new(0.0, 1.0, 1.0));
     let pairs = straight.iter().zip(heading);
     let left: Vec<f64> = pairs
-        .map(|(second, angle)| angle - shares(second).dot(&wind))
+        .map(|(second, angle)| angle - terms(second).dot(&wind))
         .collect();
-    Some(middle(&left))
+    Some(robust(&left))
 }
 
-/// Roll in turns against what a coordinated turn takes; none without turns.
+/// Roll in turns over that of coordinated turns; none without turns.
 fn bank(rest: &[&Second], level_rad: f64) -> Option<f64> {
     let turning = rest
         .iter()
         .filter(|second| second.turn_radps.abs() > TURNING_RADPS);
-    let (mut felt, mut taken, mut count) = (0.0, 0.0, 0);
+    let (mut product, mut square, mut count) = (0.0, 0.0, 0);
     for second in turning {
         let coordinated = libm::atan(second.speed_mps * second.turn_radps / GRAVITY_EQUATOR_MPS2);
-        felt += coordinated * wrap_pi(second.against.roll_rad - level_rad);
-        taken += coordinated * coordinated;
+        product += coordinated * wrap_pi(second.relative.roll_rad - level_rad);
+        square += coordinated * coordinated;
         count += 1;
     }
-    (count >= ENOUGH[1]).then(|| felt / taken)
+    (count >= MIN_SECONDS[1]).then(|| product / square)
 }

@@ -1,4 +1,4 @@
-//! All that a log says of its sensors.
+//! All results of a log on its sensors.
 
 use std::collections::BTreeMap;
 
@@ -16,11 +16,11 @@ use crate::identify::verdict::{Verdict, beyond_class};
 use crate::log::{BodyAxes, Grade, Log};
 use crate::sim::errors::Law;
 
-/// All that is found. Axes are those of the unit, right, forward, up; units are SI.
+/// All results. Axes are those of the unit, right, forward, up; units are SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tuning {
     pub verdict: Verdict,
-    /// What looked suspicious in the log; on the terminal the standard error has it.
+    /// Warnings of the log, which go to standard error on the terminal.
     pub warnings: Vec<String>,
     pub log: String,
     /// Sensor and receiver of the recording; empty for a log folder.
@@ -32,12 +32,12 @@ pub struct Tuning {
     pub grade: Grade,
     /// Of arrays.
     pub axes: BodyAxes,
-    /// A fix stamped t shows the motion at t minus this.
+    /// A fix with stamp t measures the motion at t minus this.
     pub gnss_delay_s: Found,
-    /// What was taken off the stamps of the fixes for clocks that differ: no part of the delay.
+    /// Clock offset that was subtracted from the stamps of fixes: not part of the delay.
     #[serde(skip_serializing_if = "is_zero")]
     pub clock_offset_s: f64,
-    /// By how much positions are later than the velocities beside them; negative: earlier.
+    /// Delay of positions against the velocities of the same fix.
     pub gnss_position_delay_s: Found,
     /// Antenna from the unit.
     pub lever_arm_m: [Found; 3],
@@ -50,22 +50,22 @@ pub struct Tuning {
     pub gyro_noise: Found,
     /// White noise at rest, m/s^2/sqrt(Hz).
     pub accel_noise: Found,
-    /// Walk of a gyro bias, rad/s^2/sqrt(Hz).
+    /// Random walk of a gyro bias, rad/s^2/sqrt(Hz).
     pub gyro_bias_walk: Found,
-    /// Walk of an accelerometer bias, m/s^3/sqrt(Hz).
+    /// Random walk of an accelerometer bias, m/s^3/sqrt(Hz).
     pub accel_bias_walk: Found,
-    /// Standard deviation of a gyro bias that wanders about its mean, rad/s.
+    /// Standard deviation of a Gauss-Markov gyro bias about its mean, rad/s.
     pub gyro_bias_wander: Found,
-    /// Correlation time of that, s.
+    /// Its correlation time, s.
     pub gyro_bias_correlation_s: Found,
     /// White noise of a component of GNSS velocity, m/s.
     pub gnss_velocity_noise_mps: Found,
-    /// The sensor was turned upright when it was read: its axes are not those of its own.
+    /// The recording was rotated upright on import: the axes are not those of the sensor.
     pub turned_upright: bool,
     /// Of the autopilot, as set in the recording.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
-    /// This core's, with what was found.
+    /// Configuration of this core with the results.
     pub config: Config,
 }
 
@@ -85,11 +85,11 @@ const ACCEL_WALK: &str =
     "log some hours at rest for an Allan deviation: in motion GNSS hides how these offsets move";
 const VELOCITY: &str = "move for longer, with starts, brakings and turns at speed";
 
-/// An offset stays for this long at least, s: ten epochs of the fit.
-const LEAST_CORRELATION_S: f64 = 20.0;
+/// Least correlation time of an offset, s: ten epochs of the fit.
+const MIN_CORRELATION_S: f64 = 20.0;
 
 impl Tuning {
-    /// Of a log, what the core found in it, and its error model.
+    /// From a log, the estimates of the core on it, and its error model.
     pub fn new(analysis: &Analysis, model: &Identified) -> Self {
         let (log, found, summary) = (&analysis.log, &analysis.found, &analysis.summary);
         let e = &found.end.estimates;
@@ -102,8 +102,8 @@ impl Tuning {
         let noise = gyro.map(|gyro| gyro.noise);
         let at_rest = model.gyro_noise_at_rest();
         let noise = noise.or(at_rest.map(|noise| noise.scaled(DEG_H_RADPS)));
-        let [walk, wander, correlation] = wandering(model);
-        let level_up = |estimates: &[ins_core::Estimate; 3], level, up| {
+        let [walk, wander, correlation] = gyro_bias_dynamics(model);
+        let level_and_up = |estimates: &[ins_core::Estimate; 3], level, up| {
             let missing = [level, level, up];
             [0, 1, 2].map(|axis| Found::of(&estimates[axis], missing[axis]))
         };
@@ -122,13 +122,13 @@ impl Tuning {
             gnss_position_delay_s: if log.gnss.iter().any(|fix| fix.velocity_en_mps.is_some()) {
                 Found::of(&e.gnss_position_delay_s, DELAY)
             } else {
-                // The delay of positions alone is their own.
+                // Without velocities the delay is that of the positions.
                 Found::known(0.0, 0.0)
             },
             lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
             mount: Mount::new(&found.history, e),
-            gyro_bias_radps: level_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),
-            accel_bias_mps2: level_up(&e.accel_bias_mps2, LEVEL_ACCEL, VERTICAL_ACCEL),
+            gyro_bias_radps: level_and_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),
+            accel_bias_mps2: level_and_up(&e.accel_bias_mps2, LEVEL_ACCEL, VERTICAL_ACCEL),
             gyro_noise: Found::within(noise, NOISE),
             accel_noise: Found::within(model.accel_noise(), NOISE),
             gyro_bias_walk: walk,
@@ -146,33 +146,33 @@ impl Tuning {
         tuning
     }
 
-    /// What is no part of the delay, but of the stamps.
-    pub(super) fn other_clock(&self) -> Option<String> {
+    /// Note on the clock offset, if there is one.
+    pub(super) fn clock_note(&self) -> Option<String> {
         let offset_s = self.clock_offset_s;
-        let told = format!(
+        let note = format!(
             "Clocks differ: {offset_s:.2} s were taken off the stamps of fixes, no part of the delay."
         );
-        (offset_s != 0.0).then_some(told)
+        (offset_s != 0.0).then_some(note)
     }
 
     fn noise_beyond_class(&self) -> Option<String> {
         let sensors = &self.config.sensors;
-        // Times the noise of its class that no sensor of it has.
-        let most = match self.grade {
+        // Ratio to the noise of the class that no sensor of it exceeds.
+        let max_ratio = match self.grade {
             Grade::Hg1700 => 2.0,
             Grade::Mems => 8.0,
         };
-        let far = |noise: &Found, typical: f64| {
+        let exceeds = |noise: &Found, typical: f64| {
             let least = noise.value - 3.0 * noise.sigma;
-            noise.is_known() && least > most * typical
+            noise.is_known() && least > max_ratio * typical
         };
-        let gyro = far(&self.gyro_noise, sensors.mean_gyro_noise());
-        let accel = far(&self.accel_noise, sensors.mean_accel_noise());
+        let gyro = exceeds(&self.gyro_noise, sensors.mean_gyro_noise());
+        let accel = exceeds(&self.accel_noise, sensors.mean_accel_noise());
         beyond_class(&[("gyro noise", gyro), ("accelerometer noise", accel)])
     }
 
-    /// A configuration with what was found in place of the class's: units and axes are the core's
-    /// (`ins_core::config`), and noise per root of a second is what a density per root of Hz is.
+    /// The configuration of the class, with the results in its place: units and axes are the core's
+    /// (`ins_core::config`); noise per root second equals a density per root Hz.
     fn configured(&self) -> Config {
         let mut config = self.config;
         let set = |value: &mut f64, found: &Found| {
@@ -199,16 +199,16 @@ impl Tuning {
     }
 }
 
-/// Spread of a latency that is taken from the stamps, sigmas: it changes from start to start.
+/// Prior sigma of a latency that is subtracted from the stamps, in its sigmas: it changes from start to start.
 pub(super) const LATENCY_SIGMAS: f64 = 3.0;
 
-/// Walk, wander and correlation time of the gyro biases.
+/// Random walk, standard deviation and correlation time of the gyro biases.
 ///
-/// What changes within seconds is noise, and no offset. What wanders by `s` over `T` walks at first
-/// by `s sqrt(2 / T)`; jumps of `j` every `T` by `j / sqrt(T)`.
-fn wandering(model: &Identified) -> [Found; 3] {
+/// Changes within seconds are noise, not bias. A Gauss-Markov process of sigma `s` and time `T` initially walks
+/// at `s sqrt(2 / T)`; jumps of sigma `j` every `T` at `j / sqrt(T)`.
+fn gyro_bias_dynamics(model: &Identified) -> [Found; 3] {
     let unknown = Found::unknown(GYRO_WALK);
-    let slow = |gyro: &&GyroFit| gyro.has_time_scale() && gyro.time_s.value > LEAST_CORRELATION_S;
+    let slow = |gyro: &&GyroFit| gyro.has_time_scale() && gyro.time_s.value > MIN_CORRELATION_S;
     let Some(gyro) = model.gyro.as_ref().filter(slow) else {
         return [unknown; 3];
     };
@@ -270,8 +270,8 @@ mod tests {
             let identified_ms = analysis.summary.quantities.gnss_latency_ms.value;
             assert!((compared.value - identified_ms).abs() < 1e-6);
             assert!((1e3 * tuning.gnss_delay_s.value - identified_ms).abs() < 1e-6);
-            let told = (tuning.clock_offset_s, tuning.other_clock().is_some());
-            assert_eq!(told, (of_clocks_s, of_clocks_s != 0.0));
+            let note = (tuning.clock_offset_s, tuning.clock_note().is_some());
+            assert_eq!(note, (of_clocks_s, of_clocks_s != 0.0));
         }
     }
 }

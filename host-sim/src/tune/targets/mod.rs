@@ -1,7 +1,7 @@
 //! Each target's names, signs, axes and units; `docs/tune.md` has the source of each.
 //!
-//! What is not known is a comment, never a value. So is what would come on top of a value that the
-//! recording does not hold.
+//! Unknown values are comments, never values. So are increments to a value that the recording does not
+//! contain.
 
 mod autopilots;
 mod models;
@@ -12,7 +12,7 @@ use clap::ValueEnum;
 
 use super::tuning::Tuning;
 
-/// Whose parameters.
+/// Format of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Target {
     /// A table to read.

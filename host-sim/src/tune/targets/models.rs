@@ -1,4 +1,4 @@
-//! What programs are told of sensors: Kalibr, KF-GINS, gnss-ins-sim, and this core.
+//! Sensor models of Kalibr, KF-GINS, gnss-ins-sim, and this core.
 
 use super::setting::{Setting, bracketed, file};
 use crate::identify::quantities::DEG_H_RADPS;
@@ -8,14 +8,14 @@ use crate::tune::tuning::{LATENCY_SIGMAS, Tuning};
 /// One mGal, m/s^2.
 const MGAL_MPS2: f64 = 1e-5;
 
-/// imu.yaml: densities of continuous time, one number for all axes.
+/// imu.yaml: continuous-time densities, one number for all axes.
 pub(super) fn kalibr(t: &Tuning) -> String {
     let names = [
         ("accelerometer_noise_density", "m/s^2/sqrt(Hz), at rest"),
         ("accelerometer_random_walk", "m/s^3/sqrt(Hz)"),
         ("gyroscope_noise_density", "rad/s/sqrt(Hz)"),
         ("gyroscope_random_walk", "rad/s^2/sqrt(Hz)"),
-        // Added to the stamp of the other sensor.
+        // Added to the stamps of the other sensor.
         ("t_imu = t_gnss + shift", "s"),
     ];
     let shift = t.gnss_delay_s.scaled(-1.0);
@@ -131,12 +131,12 @@ fn wander_deg_h(t: &Tuning) -> Found {
     t.gyro_bias_wander.scaled(1.0 / DEG_H_RADPS)
 }
 
-/// Gyro noise, deg/sqrt(h): a root of an hour has 60 roots of a second.
+/// Angular random walk, deg/sqrt(h); sqrt(h) is 60 sqrt(s).
 fn arw(t: &Tuning) -> Found {
     t.gyro_noise.scaled(60.0 * 1_f64.to_degrees())
 }
 
-/// Accelerometer noise, m/s/sqrt(h).
+/// Velocity random walk, m/s/sqrt(h).
 fn vrw(t: &Tuning) -> Found {
     t.accel_noise.scaled(60.0)
 }

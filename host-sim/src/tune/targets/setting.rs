@@ -1,4 +1,4 @@
-//! A parameter of one number or three, and files of them.
+//! Parameters of one or three numbers, and files of them.
 
 use crate::tune::found::Found;
 use crate::tune::tuning::Tuning;
@@ -10,9 +10,9 @@ pub(super) struct Setting {
     pub(super) name: String,
     pub(super) unit: &'static str,
     pub(super) found: Vec<Found>,
-    pub(super) takes: [f64; 2],
-    pub(super) whole: bool,
-    /// Why it is not to be set as it stands.
+    pub(super) range: [f64; 2],
+    pub(super) integer: bool,
+    /// Why it must not be set.
     pub(super) hold: Option<&'static str>,
     pub(super) note: Option<String>,
 }
@@ -23,22 +23,22 @@ impl Setting {
             name: name.to_owned(),
             unit,
             found: found.to_vec(),
-            takes: [f64::NEG_INFINITY, f64::INFINITY],
-            whole: false,
+            range: [f64::NEG_INFINITY, f64::INFINITY],
+            integer: false,
             hold: None,
             note: None,
         }
     }
 
-    /// One of each axis, whose letter is where the name has an `@`.
+    /// One for each axis, with its letter in place of `@` in the name.
     pub(super) fn each(name: &str, unit: &'static str, found: &[Found]) -> Vec<Self> {
         let axes = ["X", "Y", "Z"].into_iter().zip(found);
         axes.map(|(axis, found)| Self::new(&name.replace('@', axis), unit, &[*found]))
             .collect()
     }
 
-    pub(super) fn takes(self, takes: [f64; 2]) -> Self {
-        Self { takes, ..self }
+    pub(super) fn range(self, range: [f64; 2]) -> Self {
+        Self { range, ..self }
     }
 
     pub(super) fn hold(self, hold: Option<&'static str>) -> Self {
@@ -50,8 +50,8 @@ impl Setting {
         Self { note, ..self }
     }
 
-    /// One that has acted on the readings already: what is found adds to what was set.
-    pub(super) fn on_top(mut self, tuning: &Tuning, hold: Option<&'static str>) -> Self {
+    /// One that was already applied to the readings: the result is added to the value that was set.
+    pub(super) fn incremental(mut self, tuning: &Tuning, hold: Option<&'static str>) -> Self {
         match tuning.parameters.get(&self.name) {
             Some(set) if hold.is_none() => {
                 for found in &mut self.found {
@@ -63,23 +63,23 @@ impl Setting {
         self
     }
 
-    /// What is found as a comment, then the line if it may be set.
+    /// The result as a comment, then the line if it may be set.
     pub(super) fn print(&self, text: &mut String, comment: &str, write: Write) {
         let mut line = |line: &str| {
             text.push_str(line);
             text.push('\n');
         };
-        let told = |found: &Found| match found.missing {
+        let text_of = |found: &Found| match found.missing {
             None => format!("{} {}", found.with_sigma(), self.unit),
             Some(missing) => format!("not known; {missing}"),
         };
-        let mut shown: Vec<String> = self.found.iter().map(told).collect();
+        let mut shown: Vec<String> = self.found.iter().map(text_of).collect();
         shown.dedup();
         line(&format!("{comment} {}: {}", self.name, shown.join(" | ")));
         if !self.found.iter().all(Found::is_known) {
             return;
         }
-        let [least, most] = self.takes;
+        let [least, most] = self.range;
         let within = |found: &Found| (least..=most).contains(&found.value);
         if let Some(hold) = self.hold {
             line(&format!("{comment} not set: {hold}"));
@@ -87,7 +87,7 @@ impl Setting {
             line(&format!("{comment} not set: it takes {least} to {most}"));
         } else {
             let digits = |found: &Found| {
-                if self.whole {
+                if self.integer {
                     format!("{:.0}", found.value)
                 } else {
                     found.digits()
@@ -105,7 +105,7 @@ impl Setting {
 /// A line from a name and its values.
 type Write = fn(&str, &[String]) -> String;
 
-/// A file of parameters, the verdict on top.
+/// A file of parameters, with the verdict at its head.
 pub(super) fn file(
     t: &Tuning,
     title: &str,
@@ -115,7 +115,7 @@ pub(super) fn file(
 ) -> String {
     let turned = t.turned_upright.then(|| TURNED.to_owned());
     let head = [title.to_owned()].into_iter().chain(t.verdict.lines());
-    let head = head.chain(turned).chain(t.other_clock());
+    let head = head.chain(turned).chain(t.clock_note());
     let head = head.map(|line| format!("{comment} {line}\n"));
     let mut text: String = head.collect();
     for setting in settings {
@@ -124,7 +124,7 @@ pub(super) fn file(
     text
 }
 
-/// Three numbers between brackets, or one three times.
+/// Three numbers in brackets, or one repeated.
 pub(super) fn bracketed(values: &[String]) -> String {
     match values {
         [one] => format!("[{one}, {one}, {one}]"),

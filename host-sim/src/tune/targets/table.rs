@@ -1,4 +1,4 @@
-//! For people to read.
+//! The table as text.
 
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::page::table::{Table, heads};
@@ -6,7 +6,7 @@ use crate::tune::found::Found;
 use crate::tune::mount::Vehicle;
 use crate::tune::tuning::Tuning;
 
-/// Verdict, what was found, and what would show the rest.
+/// Verdict, results, and manoeuvres for the missing ones.
 pub(super) fn text(t: &Tuning) -> String {
     let rows = rows(t);
     let cells = |(name, found, unit): &Row| {
@@ -36,7 +36,7 @@ pub(super) fn text(t: &Tuning) -> String {
         "{}\n\n{}\nAlong the unit's axes; offsets are to be subtracted from readings. {vehicle}\n{}{}",
         t.verdict.lines().join("\n"),
         Table::of("", heads("| value | unit"), rows.iter().map(cells)).plain(),
-        t.other_clock().map_or(String::new(), |told| told + "\n"),
+        t.clock_note().map_or(String::new(), |note| note + "\n"),
         missing.concat(),
     )
 }
