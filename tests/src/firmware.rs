@@ -6,7 +6,7 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::{fs, io};
 
-use host_sim::hil::board::{Pace, Way};
+use host_sim::hil::board::{Pace, Transport};
 use host_sim::hil::{Board, Emulator, HilError, Session};
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
@@ -73,7 +73,7 @@ pub fn build(board: Board, program: &str) -> Result<Command, String> {
 
 /// An image on an emulated board, behind the debugger's console.
 pub fn session(board: Board, image: &Path, pace: Pace) -> Result<Session<Emulator>, HilError> {
-    Session::open(Emulator::boot(board, image, Way::Console, pace)?, 1)
+    Session::open(Emulator::boot(board, image, Transport::Console, pace)?, 1)
 }
 
 /// Bytes of code and constants in an image.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use host_sim::hil::bench::{Bench, ESTIMATES_EVERY, requests};
-use host_sim::hil::board::{Pace, Way};
+use host_sim::hil::board::{Pace, Transport};
 use host_sim::hil::session::{Event, Rate};
 use host_sim::hil::{Board, Emulator};
 use host_sim::identify::analysis::Input;
@@ -105,7 +105,7 @@ fn a_recorded_drive_on_both() -> Result<(), Failure> {
 fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
     const REQUESTS: u32 = 3_000;
     let image = image(Board::CortexM7, "ins-firmware")?;
-    let mut emulator = Emulator::boot(Board::CortexM7, &image, Way::Uart, Pace::Fast)?;
+    let mut emulator = Emulator::boot(Board::CortexM7, &image, Transport::Uart, Pace::Fast)?;
     let frame = |sequence, request: &Request| encode(sequence, request).expect("short");
     emulator.write_all(&frame(0, &Request::Hello { session: 1 }))?;
     let flood: Vec<u8> = (1..=REQUESTS)

@@ -1,4 +1,4 @@
-//! The board's answers to a log, kept as `identify` keeps the host's, and compared with those.
+//! The board's answers to a log, recorded as `identify` records the host's, and compared with those.
 
 use std::borrow::Borrow;
 
@@ -10,7 +10,7 @@ use crate::identify::row::Row;
 use crate::identify::run::{Event, Identification, Recorder, in_order_of_time};
 use crate::log::Log;
 
-/// Estimates are wanted after every sample.
+/// Estimates are requested after every sample.
 pub const ESTIMATES_EVERY: u32 = 1;
 
 /// Samples and fixes as requests, by stamp.
@@ -21,7 +21,7 @@ pub fn requests<'a>(
     in_order_of_time(imu, gnss).map(request)
 }
 
-/// A sample or a fix as the board is sent it.
+/// A sample or a fix as a request to the board.
 pub fn request(event: Event) -> Request {
     match event {
         Event::Imu(sample) => Request::Imu(sample),
@@ -29,7 +29,7 @@ pub fn request(event: Event) -> Request {
     }
 }
 
-/// How the board's answers compare with the host's.
+/// Comparison of the board's answers with the host's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Comparison {
     pub answers: u64,
@@ -37,12 +37,12 @@ pub struct Comparison {
     pub different: u64,
     /// Samples and fixes without an answer.
     pub missing: u64,
-    /// The first of those that are not as they should be.
+    /// The first that is different or missing.
     pub first: Option<String>,
 }
 
 impl Comparison {
-    /// Whether every answer has come, the same in every bit.
+    /// Whether no answer is missing, and all are equal bit for bit.
     pub fn is_exact(&self) -> bool {
         self.answers > 0 && self.different == 0 && self.missing == 0
     }
@@ -75,9 +75,9 @@ fn name(request: &Request) -> String {
     }
 }
 
-/// Whether two answers are equal in every bit, durations apart.
+/// Whether two answers are equal bit for bit, except for durations.
 fn same_bits(one: &Reply, other: &Reply) -> bool {
-    // The wire carries every bit, -0 and NaN included, which `==` does not tell apart.
+    // The encoding has every bit, also of -0 and NaN, which `==` does not distinguish.
     let bits = |reply: &Reply| {
         let reply = without_ticks(reply.clone());
         ins_link::encode(0, &FromBoard::Reply { to: 0, reply })
@@ -94,7 +94,7 @@ fn without_ticks(mut reply: Reply) -> Reply {
     reply
 }
 
-/// Where two answers differ, in words.
+/// Where two answers differ, as text.
 fn difference(one: &Reply, other: &Reply) -> &'static str {
     match (one, other) {
         (Reply::Imu(Ok(one)), Reply::Imu(Ok(other))) => in_answers(one, other),
@@ -119,7 +119,7 @@ fn in_answers<O: PartialEq>(one: &Answer<O>, other: &Answer<O>) -> &'static str 
     first.map_or("sign of a zero", |(_, name)| name)
 }
 
-/// Time that calls of the core took, in ticks of the board.
+/// Durations of calls of the core, in ticks of the board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ticks {
     count: u64,
@@ -127,7 +127,7 @@ pub struct Ticks {
     worst: u32,
 }
 
-/// The same in short.
+/// Their summary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Took {
     pub mean: u64,
@@ -141,7 +141,7 @@ impl Ticks {
         self.worst = self.worst.max(ticks);
     }
 
-    /// None if nothing was called.
+    /// None without calls.
     pub fn summary(&self) -> Option<Took> {
         Some(Took {
             mean: self.sum.checked_div(self.count)?,
@@ -150,25 +150,25 @@ impl Ticks {
     }
 }
 
-/// What the board has answered so far.
+/// The answers of the board so far.
 #[derive(Clone, Debug)]
 pub struct Bench {
-    /// Answers here as the board has to.
-    twin: Responder,
+    /// Computes the expected answers on the host.
+    reference: Responder,
     recorder: Recorder,
-    /// Beside the host's answers.
+    /// With the answers of the host.
     pub comparison: Comparison,
-    /// The navigator on the board, as it has last said.
+    /// Last state of the navigator on the board.
     pub latest: Row,
     pub sample_ticks: Ticks,
     pub fix_ticks: Ticks,
 }
 
 impl Bench {
-    /// Beside a board that was started with the same configuration.
+    /// For a board that was started with the same configuration.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         Ok(Self {
-            twin: Responder::start(config, ESTIMATES_EVERY)?,
+            reference: Responder::start(config, ESTIMATES_EVERY)?,
             recorder: Recorder::default(),
             comparison: Comparison::default(),
             latest: Row::default(),
@@ -178,27 +178,27 @@ impl Bench {
     }
 
     pub fn take(&mut self, request: &Request, reply: Option<&Reply>) {
-        if let Some(expected) = self.twin.answer(request) {
+        if let Some(expected) = self.reference.answer(request) {
             self.comparison.add(request, reply, &expected);
         }
         match (request, reply) {
             (Request::Imu(sample), Some(Reply::Imu(Ok(reply)))) => {
                 self.latest.time = sample.time;
-                self.keep(&reply.report);
+                self.update_latest(&reply.report);
                 self.recorder
                     .on_sample(sample.time, reply.outcome, || self.latest);
                 self.sample_ticks.add(reply.ticks);
             }
             (Request::Gnss(fix), Some(Reply::Gnss(Ok(reply)))) => {
                 self.recorder.on_fix(fix.time, reply.outcome);
-                self.keep(&reply.report);
+                self.update_latest(&reply.report);
                 self.fix_ticks.add(reply.ticks);
             }
             _ => {}
         }
     }
 
-    fn keep(&mut self, report: &Report) {
+    fn update_latest(&mut self, report: &Report) {
         let latest = &mut self.latest;
         latest.phase = report.phase;
         latest.manoeuvre = report.manoeuvre;
@@ -208,7 +208,7 @@ impl Bench {
         self.recorder.on_settled(report.settled);
     }
 
-    /// What the board has identified, after the log.
+    /// Results of the board after the log.
     pub fn finish(self, log: &Log, config: Config) -> Identification {
         self.recorder.finish(log, config, self.latest)
     }

@@ -1,4 +1,4 @@
-//! Boards, real and emulated, and how they are reached.
+//! Boards, real and emulated, and their connections.
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ pub enum Board {
 }
 
 impl Board {
-    /// On the command line, QEMU's, and that of the firmware's cargo configuration.
+    /// Name on the command line, of the machine in QEMU, and of the cargo configuration of the firmware.
     fn names(self) -> [&'static str; 3] {
         match self {
             Self::CortexM7 => ["m7", "mps2-an500", "cortex-m7.toml"],
@@ -71,7 +71,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Of the options that the command `hil` has for it.
+    /// From the options of the command `hil`.
     pub fn of(options: &[String]) -> Result<Self, String> {
         #[derive(Parser)]
         #[command(no_binary_name = true, disable_help_flag = true)]
@@ -83,7 +83,7 @@ impl Target {
         Ok(options.target)
     }
 
-    /// The image to emulate, or to read the log of a board with, if one was named for that.
+    /// The image to emulate or, if given, to decode the log of a board with.
     pub fn image(&self) -> Result<Option<PathBuf>, HilError> {
         match &self.port {
             Some(_) => Ok(self.image.clone()),
@@ -106,13 +106,13 @@ impl Target {
         })
     }
 
-    /// Opens a session with it; an emulated board boots for that.
+    /// Opens a session with it; boots an emulated board.
     pub fn open(&self) -> Result<Session<Box<dyn Port>>, HilError> {
         let port: Box<dyn Port> = if let Some(name) = &self.port {
             Box::new(serial(name, self.baud)?)
         } else {
-            let (image, way) = (self.emulated()?, Way::Console);
-            Box::new(Emulator::boot(self.board, &image, way, Pace::Fast)?)
+            let (image, transport) = (self.emulated()?, Transport::Console);
+            Box::new(Emulator::boot(self.board, &image, transport, Pace::Fast)?)
         };
         Session::open(port, session_number())
     }
@@ -125,7 +125,7 @@ impl Target {
     }
 }
 
-/// Any number that the last session did not have.
+/// A number that differs from that of the last session.
 fn session_number() -> u32 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     since.map_or(0, |since| since.subsec_nanos())
@@ -135,7 +135,7 @@ fn session_number() -> u32 {
 fn serial(name: &str, baud: u32) -> io::Result<SerialPort> {
     let mut port = SerialPort::open(name, baud).map_err(|error| refused(name, &error))?;
     port.set_read_timeout(POLL)?;
-    // What a board has sent before is to nobody.
+    // Discards what a board has sent before.
     port.discard_buffers()?;
     Ok(port)
 }
@@ -155,26 +155,25 @@ fn refused(name: &str, error: &io::Error) -> io::Error {
 
 // --- emulated by QEMU ---
 
-/// How the emulated time runs.
+/// Mode of the emulated time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// As fast as it goes; ticks in replies mean nothing.
+    /// As fast as possible; ticks in replies are meaningless.
     Fast,
-    /// Ticks count instructions, the same at every run; several times slower.
+    /// Ticks count instructions, reproducibly; several times slower.
     Counting,
 }
 
-/// The way into the board and out of it.
+/// Transport of bytes to and from the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
-    /// Its UART, for the program `ins-firmware`. QEMU emulates that byte by byte: some 200 samples
-    /// a second.
+pub enum Transport {
+    /// Its UART, for the program `ins-firmware`. QEMU emulates it byte by byte: about 200 samples a second.
     Uart,
-    /// The debugger's console, for the program `console`: many times faster.
+    /// The semihosting console, for the program `console`: many times faster.
     Console,
 }
 
-/// A running QEMU; it ends with this value.
+/// A running QEMU, which is killed on drop.
 #[derive(Debug)]
 pub struct Emulator {
     process: Child,
@@ -185,8 +184,8 @@ pub struct Emulator {
 
 impl Emulator {
     /// Boots `image`.
-    pub fn boot(board: Board, image: &Path, way: Way, pace: Pace) -> io::Result<Self> {
-        Self::of(&mut qemu(board, image, way, pace))
+    pub fn boot(board: Board, image: &Path, transport: Transport, pace: Pace) -> io::Result<Self> {
+        Self::of(&mut qemu(board, image, transport, pace))
     }
 
     fn of(command: &mut Command) -> io::Result<Self> {
@@ -199,14 +198,14 @@ impl Emulator {
         thread::spawn(move || forward(stdout, &sender));
         Ok(Self {
             process,
-            to_board: written_to(stdin),
+            to_board: writer_thread(stdin),
             from_board,
             received: Vec::new(),
         })
     }
 }
 
-fn qemu(board: Board, image: &Path, way: Way, pace: Pace) -> Command {
+fn qemu(board: Board, image: &Path, transport: Transport, pace: Pace) -> Command {
     let mut command = Command::new("qemu-system-arm");
     command
         .args(["-machine", board.machine()])
@@ -214,9 +213,9 @@ fn qemu(board: Board, image: &Path, way: Way, pace: Pace) -> Command {
         .args(["-semihosting-config", "enable=on,target=native"])
         .arg("-kernel")
         .arg(image);
-    let uart = match way {
-        Way::Uart => "stdio",
-        Way::Console => "none",
+    let uart = match transport {
+        Transport::Uart => "stdio",
+        Transport::Console => "none",
     };
     command.args(["-serial", uart]);
     if pace == Pace::Counting {
@@ -236,15 +235,15 @@ fn explain(error: io::Error) -> io::Error {
     }
 }
 
-/// Writes what it is sent, on a thread of its own: a program that does not read must not stop us, and is
-/// noticed by its silence.
-pub(crate) fn written_to<T: AsRef<[u8]> + Send + 'static>(mut stdin: ChildStdin) -> Sender<T> {
+/// A thread that writes what is sent to it: a program that does not read must not block the host, and is detected
+/// by a timeout.
+pub(crate) fn writer_thread<T: AsRef<[u8]> + Send + 'static>(mut stdin: ChildStdin) -> Sender<T> {
     let (sender, pieces) = channel::<T>();
     thread::spawn(move || (pieces.iter()).try_for_each(|piece| stdin.write_all(piece.as_ref())));
     sender
 }
 
-/// A pipe has no timeout, a channel has.
+/// Forwards a pipe, which has no timeout, to a channel, which has.
 fn forward(mut stdout: ChildStdout, sender: &SyncSender<Vec<u8>>) {
     let mut buffer = vec![0; 65_536];
     while let Ok(length @ 1..) = stdout.read(&mut buffer) {
@@ -254,7 +253,7 @@ fn forward(mut stdout: ChildStdout, sender: &SyncSender<Vec<u8>>) {
     }
 }
 
-/// Times out as a serial port does.
+/// Times out like a serial port.
 impl Read for Emulator {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.received.is_empty() {
@@ -286,7 +285,7 @@ impl Write for Emulator {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        // Nothing can be done about a process that is gone already.
+        // Fails only if the process has already ended.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -297,7 +296,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_emulator_that_is_stopped_stops_nobody() {
+    fn an_emulator_that_does_not_read_does_not_block() {
         let mut emulator = Emulator::of(Command::new("sleep").arg("600")).unwrap();
         // More than a pipe holds.
         emulator.write_all(&vec![0; 1 << 20]).unwrap();

@@ -1,4 +1,4 @@
-//! What the firmware logs by defmt, in words.
+//! The defmt log of the firmware as text.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::Path;
 use defmt_decoder::{DecodeError, Frame, StreamDecoder, Table};
 use miette::{Result, miette};
 
-/// Reads the texts of the log out of the image that the board runs.
+/// Reads the texts of the log from the image that the board runs.
 pub fn table(image: &Path) -> Result<Table> {
     let refuse = |what: &dyn std::fmt::Display| {
         miette!(
@@ -26,12 +26,12 @@ pub fn table(image: &Path) -> Result<Table> {
 pub struct BoardLog<'t> {
     decoder: Box<dyn StreamDecoder + Send + Sync + 't>,
     pub text: String,
-    /// Pieces that mean nothing: the board runs another image, or something was lost.
+    /// Pieces that cannot be decoded: the board runs another image, or some were lost.
     pub garbled: u32,
 }
 
 impl<'t> BoardLog<'t> {
-    /// A log that has the texts of `table`.
+    /// A log with the texts of `table`.
     pub fn new(table: &'t Table) -> Self {
         Self {
             decoder: table.new_stream_decoder(),
@@ -40,7 +40,7 @@ impl<'t> BoardLog<'t> {
         }
     }
 
-    /// Takes the next piece, and shows the lines it completes, unless they are for debugging only.
+    /// Takes the next piece, and passes the lines that it completes to `show`, except debug and trace.
     pub fn take(&mut self, piece: &[u8], mut show: impl FnMut(&str)) {
         self.decoder.received(piece);
         loop {
@@ -49,7 +49,7 @@ impl<'t> BoardLog<'t> {
                     let line = line(&frame);
                     self.text.push_str(&line);
                     self.text.push('\n');
-                    if is_for_all(&frame) {
+                    if is_shown(&frame) {
                         show(&line);
                     }
                 }
@@ -60,7 +60,7 @@ impl<'t> BoardLog<'t> {
     }
 }
 
-fn is_for_all(frame: &Frame) -> bool {
+fn is_shown(frame: &Frame) -> bool {
     frame
         .level()
         .is_none_or(|level| !matches!(level.as_str(), "trace" | "debug"))

@@ -1,4 +1,4 @@
-//! Hardware in the loop: the navigator on a processor, fed from here.
+//! Hardware in the loop: the navigator on a processor, fed by the host.
 
 pub mod bench;
 pub mod board;

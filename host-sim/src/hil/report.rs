@@ -1,4 +1,4 @@
-//! What a board does, shown while it runs; what it has done, for `hil.json` and for people.
+//! Progress of a board while it runs; its results, for `hil.json` and as text.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -15,9 +15,9 @@ use crate::log::Meta;
 
 const REFRESH: Duration = Duration::from_millis(200);
 
-/// A bar with some lines about the board.
+/// A progress bar with some lines about the board.
 pub struct View {
-    /// For lines that stay.
+    /// Also for printing permanent lines.
     pub bar: ProgressBar,
     meta: Meta,
     first: Time,
@@ -26,7 +26,7 @@ pub struct View {
 }
 
 impl View {
-    /// Of a log that begins at `first` and has so many samples and fixes.
+    /// Of a log that begins at `first`, with `length` samples and fixes.
     pub fn new(bar: ProgressBar, length: usize, first: Time, meta: Meta) -> Self {
         let style = ProgressStyle::with_template("{bar:40} {percent:>3} % {eta}\n{msg}");
         if let Ok(style) = style {
@@ -48,7 +48,7 @@ impl View {
         self.start.elapsed().as_secs_f64()
     }
 
-    /// Shows how things stand, a few times a second.
+    /// Updates the display a few times a second.
     pub fn show(&mut self, bench: &Bench, waiting: usize) {
         if self.shown.elapsed() < REFRESH {
             return;
@@ -97,9 +97,9 @@ fn known(quantity: &Quantity) -> String {
 /// A board's run over a log.
 #[derive(Debug, Serialize)]
 pub struct Hardware {
-    /// Which, and how it was reached.
+    /// Board and connection.
     pub board: String,
-    /// Whether every answer has come and is the host's in every bit.
+    /// Whether no answer is missing, and all are equal to the host's bit for bit.
     pub bit_for_bit: bool,
     #[serde(flatten)]
     pub comparison: Comparison,
@@ -110,7 +110,7 @@ pub struct Hardware {
     pub fix_clocks: Option<Took>,
     /// RAM of the navigator.
     pub state_bytes: u32,
-    /// Deepest stack of the whole program.
+    /// Largest stack use of the whole program.
     pub stack_bytes: u32,
     /// Requests that did not reach the board, and bytes for which it had no room.
     pub requests_lost: u32,
@@ -119,12 +119,12 @@ pub struct Hardware {
     pub frames_lost: u32,
     /// Lines of this run's log that the board had no room for.
     pub log_lines_lost: u32,
-    /// Lines that cannot be read; nothing if none was to be.
+    /// Lines that cannot be decoded; none if the log is not read.
     pub log_lines_garbled: Option<u32>,
 }
 
 impl Hardware {
-    /// An error unless the board did what the host does.
+    /// An error unless the board computes the same as the host.
     pub fn verdict(&self) -> Result<()> {
         let Comparison {
             answers,

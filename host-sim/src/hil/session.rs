@@ -1,4 +1,4 @@
-//! A conversation with the firmware over any byte stream.
+//! A session with the firmware over any byte stream.
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
@@ -11,13 +11,13 @@ use ins_link::{Counters, Decoder, FromBoard, Hello, Reply, Request, Started, Sta
 use miette::Diagnostic;
 use thiserror::Error;
 
-/// How long a read of a port waits for bytes before it times out.
+/// Timeout of a read of a port.
 pub const POLL: Duration = Duration::from_millis(1);
-/// How long a question waits for its answer, and how often it is asked.
-const PATIENCE: Duration = Duration::from_secs(2);
-const TRIES: usize = 6;
-/// Longest that a stream may go without an answer, on a busy computer.
-const SILENCE: Duration = Duration::from_secs(10);
+/// Timeout of an answer, and the number of attempts.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
+const ATTEMPTS: usize = 6;
+/// Timeout of a stream without answers; long, for a busy computer.
+const STREAM_TIMEOUT: Duration = Duration::from_secs(10);
 
 #[derive(Debug, Error, Diagnostic)]
 pub enum HilError {
@@ -36,7 +36,7 @@ pub enum HilError {
         /// Cargo's, to build it with.
         config: &'static str,
     },
-    /// Nothing comes, or nothing that can be understood.
+    /// Nothing is received, or nothing that can be decoded.
     #[error(
         "the board does not answer (frames from it: {} corrupt, {} of another version, {} without a message, \
          {} out of order)",
@@ -68,12 +68,12 @@ pub enum Rate {
     reason = "few at a time, and nearly all of them answers"
 )]
 pub enum Event {
-    /// What became of a request.
+    /// The result of a request.
     Answer {
         request: Request,
         /// None if the request or its reply was lost.
         reply: Option<Reply>,
-        /// Requests that are still on their way.
+        /// Requests that are still waiting for a reply.
         waiting: usize,
     },
     /// A piece of the log, encoded by defmt.
@@ -95,16 +95,16 @@ pub struct Session<P> {
     events: VecDeque<Event>,
     waiting: VecDeque<Waiting>,
     sequence: u32,
-    heard: Instant,
-    /// What the board said of itself.
+    last_received: Instant,
+    /// Properties of the board.
     pub hello: Hello,
-    /// Deepest stack it has told of, in any status.
+    /// Largest stack use in any status.
     stack_bytes: u32,
 }
 
 impl<P: Read + Write> Session<P> {
-    /// Opens a session. Reads of `port` must time out, after [`POLL`] or so; `session` may be any
-    /// number that the last session did not have.
+    /// Opens a session. Reads of `port` must time out after about [`POLL`]; `session` must differ from that of
+    /// the last session.
     pub fn open(port: P, session: u32) -> Result<Self, HilError> {
         let mut this = Self {
             port,
@@ -112,7 +112,7 @@ impl<P: Read + Write> Session<P> {
             events: VecDeque::new(),
             waiting: VecDeque::new(),
             sequence: 0,
-            heard: Instant::now(),
+            last_received: Instant::now(),
             hello: Hello {
                 session,
                 window_bytes: 0,
@@ -120,10 +120,10 @@ impl<P: Read + Write> Session<P> {
             },
             stack_bytes: 0,
         };
-        // Ends whatever half a frame the board may have.
+        // Ends an incomplete frame at the board.
         this.port.write_all(&[0])?;
-        // Replies to an earlier session may still be on their way.
-        this.hello = this.ask(&Request::Hello { session }, |reply| match reply {
+        // Replies to an earlier session may still arrive.
+        this.hello = this.query(&Request::Hello { session }, |reply| match reply {
             Reply::Hello(hello) if hello.session == session => Some(hello),
             _ => None,
         })?;
@@ -135,16 +135,16 @@ impl<P: Read + Write> Session<P> {
             config,
             estimates_every,
         };
-        let started = self.ask(&start, |reply| match reply {
+        let started = self.query(&start, |reply| match reply {
             Reply::Start(started) => Some(started),
             _ => None,
         })?;
         started.map_err(|refusal| HilError::Refused(refusal.0.as_str().into()))
     }
 
-    /// How the board is. It tells of the stack since it was last asked; this, of that of all statuses.
+    /// Status of the board, with the largest stack use of all statuses: the board reports that since the last.
     pub fn status(&mut self) -> Result<Status, HilError> {
-        let status = self.ask(&Request::Status, |reply| match reply {
+        let status = self.query(&Request::Status, |reply| match reply {
             Reply::Status(status) => Some(status),
             _ => None,
         })?;
@@ -155,13 +155,13 @@ impl<P: Read + Write> Session<P> {
         })
     }
 
-    /// Frames of the board as they came in.
+    /// Counters of the frames received from the board.
     pub fn counters(&self) -> Counters {
         self.decoder.counters
     }
 
-    /// Streams requests and hands over what comes back, until every request has its answer or is
-    /// known to be lost; then asks how the board is.
+    /// Streams requests and passes on the events, until every request has its answer or is known to be lost;
+    /// then returns the status of the board.
     pub fn stream(
         &mut self,
         requests: impl IntoIterator<Item = Request>,
@@ -177,13 +177,13 @@ impl<P: Read + Write> Session<P> {
             self.send(&request)?;
         }
         self.wait_while(|this| !this.waiting.is_empty(), &mut on_event)?;
-        // What was logged about the last request comes after its answer, and before this one.
+        // Log pieces about the last request arrive after its answer, and before the status.
         let status = self.status()?;
         self.events.drain(..).for_each(&mut on_event);
         Ok(status)
     }
 
-    /// Whether the board's queue may have no room for another request.
+    /// Whether the queue of the board may be full.
     fn is_full(&self) -> bool {
         let bytes: usize = self.waiting.iter().map(|waiting| waiting.bytes).sum();
         bytes > self.hello.window_bytes as usize / 2
@@ -193,8 +193,8 @@ impl<P: Read + Write> Session<P> {
         while let Some(event) = self.receive(due)? {
             on_event(event);
         }
-        if !self.waiting.is_empty() && self.heard.elapsed() > SILENCE {
-            self.give_up_waiting()?;
+        if !self.waiting.is_empty() && self.last_received.elapsed() > STREAM_TIMEOUT {
+            self.drop_waiting()?;
         }
         Ok(())
     }
@@ -205,29 +205,29 @@ impl<P: Read + Write> Session<P> {
         on_event: &mut impl FnMut(Event),
     ) -> Result<(), HilError> {
         while condition(self) || !self.events.is_empty() {
-            match self.receive(Instant::now() + SILENCE)? {
+            match self.receive(Instant::now() + STREAM_TIMEOUT)? {
                 Some(event) => on_event(event),
-                None => self.give_up_waiting()?,
+                None => self.drop_waiting()?,
             }
         }
         Ok(())
     }
 
-    /// Nothing comes: the requests are lost, if the board is still there.
-    fn give_up_waiting(&mut self) -> Result<(), HilError> {
+    /// After a timeout: the waiting requests are lost, if the board still answers.
+    fn drop_waiting(&mut self) -> Result<(), HilError> {
         let lost = self.waiting.len();
-        self.lose(lost);
+        self.mark_lost(lost);
         self.status().map(|_| ())
     }
 
-    /// The first so many requests will have no reply.
-    fn lose(&mut self, count: usize) {
+    /// Marks the first `count` requests as lost.
+    fn mark_lost(&mut self, count: usize) {
         for _ in 0..count {
             self.answer(None);
         }
     }
 
-    /// What became of the first request that waits.
+    /// Completes the first waiting request.
     fn answer(&mut self, reply: Option<Reply>) {
         if let Some(Waiting { request, .. }) = self.waiting.pop_front() {
             self.events.push_back(Event::Answer {
@@ -238,16 +238,16 @@ impl<P: Read + Write> Session<P> {
         }
     }
 
-    /// One question and its answer, as `pick` knows it; nothing else may be waiting.
-    fn ask<T>(
+    /// One request and its answer, as selected by `pick`; no other may be waiting.
+    fn query<T>(
         &mut self,
         question: &Request,
         pick: impl Fn(Reply) -> Option<T>,
     ) -> Result<T, HilError> {
         let mut others = std::mem::take(&mut self.events);
-        for _ in 0..TRIES {
+        for _ in 0..ATTEMPTS {
             self.send(question)?;
-            while let Some(event) = self.receive(Instant::now() + PATIENCE)? {
+            while let Some(event) = self.receive(Instant::now() + ANSWER_TIMEOUT)? {
                 match event {
                     Event::Answer { reply, .. } => {
                         if let Some(answer) = reply.and_then(&pick) {
@@ -270,7 +270,7 @@ impl<P: Read + Write> Session<P> {
         let frame = ins_link::encode(sequence, request).map_err(|_| HilError::TooLong)?;
         self.port.write_all(&frame)?;
         if self.waiting.is_empty() {
-            self.heard = Instant::now();
+            self.last_received = Instant::now();
         }
         self.waiting.push_back(Waiting {
             sequence,
@@ -280,7 +280,7 @@ impl<P: Read + Write> Session<P> {
         Ok(())
     }
 
-    /// The next event; none if there is none until then.
+    /// The next event; none if there is none until `until`.
     fn receive(&mut self, until: Instant) -> Result<Option<Event>, HilError> {
         let mut buffer = [0; 4096];
         loop {
@@ -291,8 +291,8 @@ impl<P: Read + Write> Session<P> {
                 Ok(0) => return Err(io::Error::other("it has closed the connection").into()),
                 Ok(length) => {
                     buffer[..length].iter().for_each(|byte| self.take(*byte));
-                    // All that has come is taken in first, unless it is no board that goes on and on.
-                    if self.heard.elapsed() < SILENCE {
+                    // Everything received is processed first, unless it is an endless stream of no board.
+                    if self.last_received.elapsed() < STREAM_TIMEOUT {
                         continue;
                     }
                 }
@@ -309,14 +309,14 @@ impl<P: Read + Write> Session<P> {
         let Some((_, message)) = self.decoder.push(byte) else {
             return;
         };
-        self.heard = Instant::now();
+        self.last_received = Instant::now();
         match message {
             FromBoard::Log(piece) => self.events.push_back(Event::Log(piece.to_vec())),
             FromBoard::Reply { to, reply } => {
                 let index = self.waiting.iter().position(|w| w.sequence == to);
-                // Replies come in order: what one overtakes is lost. What was given up is ignored.
+                // Replies come in order: requests before are lost. Replies to dropped requests are ignored.
                 if let Some(index) = index {
-                    self.lose(index);
+                    self.mark_lost(index);
                     self.answer(Some(reply));
                 }
             }
@@ -324,7 +324,7 @@ impl<P: Read + Write> Session<P> {
     }
 }
 
-/// When to send a request by its stamp; `clock` holds the first stamp and its moment.
+/// Time to send a request by its stamp; `clock` has the first stamp and its time.
 fn due(clock: &mut Option<(Time, Instant)>, request: &Request) -> Instant {
     let now = Instant::now();
     let stamp = match request {
@@ -347,7 +347,7 @@ fn is_timeout(error: &io::Error) -> bool {
 mod tests {
     use super::*;
 
-    /// Says hello, and the deepest stack since it was last asked.
+    /// Answers hello, and status with the stack use since the last.
     struct Board {
         decoder: Decoder,
         sent: VecDeque<u8>,
@@ -397,14 +397,14 @@ mod tests {
     }
 
     #[test]
-    fn the_deepest_stack_is_not_forgotten() {
+    fn status_has_the_largest_stack_use() {
         let board = Board {
             decoder: Decoder::new(),
             sent: VecDeque::new(),
             stacks: [700, 900, 100].into(),
         };
         let mut session = Session::open(board, 1).unwrap();
-        let told = [(); 3].map(|()| session.status().unwrap().stack_bytes);
-        assert_eq!(told, [700, 900, 900]);
+        let stacks = [(); 3].map(|()| session.status().unwrap().stack_bytes);
+        assert_eq!(stacks, [700, 900, 900]);
     }
 }

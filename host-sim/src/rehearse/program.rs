@@ -26,7 +26,7 @@ use super::flight::{
 };
 use crate::compare::kalman::Noise;
 use crate::compare::kalman::noise::total;
-use crate::hil::board::written_to;
+use crate::hil::board::writer_thread;
 use crate::identify::run::Event;
 
 const VERSION: u32 = 1;
@@ -159,7 +159,7 @@ impl Session {
         let mut session = Self {
             child,
             errors: StderrTail::read_from(stderr),
-            requests: written_to(stdin),
+            requests: writer_thread(stdin),
             lines: read_from(stdout),
             limit: apriori.limit,
             after: false,
