@@ -1,46 +1,46 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 //!
-//! A room uses only what stands above it, as `tests/layers.rs` checks.
+//! A module uses only those above it, as `tests/layers.rs` checks.
 
-// Tables, plots and pages, folders of results; knows nothing of navigation.
+// Tables, plots, pages and folders of results; independent of navigation.
 pub mod page;
-// What many values say together.
+// Statistics of many values.
 pub(crate) mod statistics;
 
-// A drive on disk, checked; recordings of other programs made into one.
+// Logs on disk, checked; import of recordings of other programs.
 pub mod log;
 
-// Motions, and the sensors that feel them.
+// Simulated motion, and its sensors.
 pub mod sim;
 
-// An aircraft, flown by forces along a plan.
+// Flight dynamics of an aircraft along a plan.
 pub mod aircraft;
 
-// The core over a log: estimates, their worth, the model of the sensors' errors.
+// The core over a log: estimates, their validation, the error model of the sensors.
 pub mod identify;
 
-// Which drive shows what is wanted of a unit: planned, or what a log lacks.
+// Planning of drives that make quantities observable, also in addition to a log.
 pub(crate) mod plan_drive;
 
 // Other methods on the same log: Kalman filter and smoother, the five stages, outages.
 pub mod compare;
 
-// What was found in a log, as a page.
+// Results of a log as a page.
 pub(crate) mod report;
 
-// What was found, as parameters of other programs.
+// Results as parameters of other programs.
 pub mod tune;
 
 // Firmware on a board, real or emulated, against the host, bit by bit.
 pub mod hil;
 
-// Many seeds, or many logs, to one table: how good, how honest.
+// Studies of accuracy and consistency over many seeds or logs.
 pub mod study;
 
-// Units by the hundred: is the accuracy that their models foretell the true one?
+// Campaigns of hundreds of units: predicted against true accuracy.
 pub(crate) mod campaign;
 
-// Flights of a unit that was identified from its drives, with any algorithm.
+// Simulated flights of a unit that was identified from its drives, with any algorithm.
 pub(crate) mod rehearse;
 
 // The command line: a file for each command.

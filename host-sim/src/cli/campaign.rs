@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{IntoDiagnostic, Result, bail};
 
-use super::options::{Output, Print, print, tell_kept};
+use super::options::{Output, Print, print, report_kept};
 use crate::campaign::ledger::{self, Shard};
 use crate::campaign::plan::Plan;
 use crate::campaign::run::run;
@@ -44,13 +44,13 @@ pub struct Merge {
     print: Print,
 }
 
-/// Runs what is missing of a campaign and says what it shows.
+/// Runs what is missing of a campaign and prints the summary.
 pub fn campaign(options: &Campaign) -> Result<()> {
     let plan = Plan::read(&options.plan)?;
     let out = &options.output.out;
     let shard = options.shard.unwrap_or(Shard::ALL);
     check_parts(&plan, options.slurm.unwrap_or(shard.of))?;
-    settle(&plan, out, options.output.force)?;
+    prepare_folder(&plan, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
         let sum = ["merge".to_owned(), out.display().to_string()];
         let script = slurm::write("campaign", out, jobs, Some(&sum))?;
@@ -80,15 +80,15 @@ fn check_parts(plan: &Plan, parts: u32) -> Result<()> {
     Ok(())
 }
 
-/// What marks a folder: the plan, which stays one, and the version of this program, for another one
-/// may come to other figures.
+/// Mark of a folder: the plan, still readable as one, and the version of this program, on which results may
+/// depend.
 fn mark(plan: &Plan) -> Result<String> {
     let plan = toml::to_string(plan).into_diagnostic()?;
     Ok(format!("# host-sim {}\n{plan}", env!("CARGO_PKG_VERSION")))
 }
 
-/// Makes the folder, or finds that it belongs to this very campaign.
-fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
+/// Creates the folder, or checks that it belongs to the same campaign.
+fn prepare_folder(plan: &Plan, out: &Path, force: bool) -> Result<()> {
     let text = mark(plan)?;
     let other = match Plan::read(&out.join(PLAN)) {
         Ok(before) if before == *plan => "this campaign as another version of host-sim ran it",
@@ -96,7 +96,7 @@ fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
     };
     let same = |copy: &Path| Ok(read(copy)? == text);
     let kept = ledger::prepare_folder(out, PLAN, &text, force, same, other)?;
-    tell_kept(out, kept.as_deref());
+    report_kept(out, kept.as_deref());
     Ok(())
 }
 
@@ -123,7 +123,7 @@ fn add_up(folders: &[&PathBuf], print: Print) -> Result<()> {
     Ok(())
 }
 
-/// What the runs in some folders of one plan say.
+/// Summary of the runs in some folders of one plan.
 pub fn summary(folders: &[&PathBuf]) -> Result<Summary> {
     let (plan, tally) = tally(folders)?;
     let missing = tally.missing(&plan);
@@ -136,7 +136,7 @@ pub fn summary(folders: &[&PathBuf]) -> Result<Summary> {
     Ok(Summary::new(&plan, &tally))
 }
 
-/// All files of runs in some folders of one plan.
+/// Tally of all runs in some folders of one plan.
 fn tally(folders: &[&PathBuf]) -> Result<(Plan, Tally)> {
     let first = folders[0].join(PLAN);
     let (plan, text) = (Plan::read(&first)?, read(&first)?);
@@ -159,25 +159,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_of_another_version_are_not_gone_on_with() {
+    fn results_of_another_version_are_not_continued() {
         let home = tempfile::tempdir().unwrap();
         let out = home.path().join("out");
         let text = "units = 2\ndrives = 1\ndrive_minutes = 6\nflights = 1\nminutes_aided = 6\n\
                     minutes_free = 1\n";
         let plan: Plan = toml::from_str(text).unwrap();
-        settle(&plan, &out, false).unwrap();
-        settle(&plan, &out, false).unwrap();
+        prepare_folder(&plan, &out, false).unwrap();
+        prepare_folder(&plan, &out, false).unwrap();
         let copy = out.join(PLAN);
         let older = read(&copy)
             .unwrap()
             .replace("# host-sim ", "# host-sim 0.0.");
         std::fs::write(&copy, older).unwrap();
-        let refused = settle(&plan, &out, false).unwrap_err().to_string();
+        let refused = prepare_folder(&plan, &out, false).unwrap_err().to_string();
         assert!(
             refused.ends_with("as another version of host-sim ran it"),
             "{refused}"
         );
-        settle(&plan, &out, true).unwrap();
+        prepare_folder(&plan, &out, true).unwrap();
         assert_eq!(Plan::read(&copy).unwrap(), plan);
     }
 }

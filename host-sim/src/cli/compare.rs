@@ -19,7 +19,7 @@ pub struct Compare {
     output: Output,
 }
 
-/// Runs every method over a log and writes how they compare.
+/// Runs every method over a log and writes the comparison.
 pub fn compare(options: &Compare) -> Result<()> {
     let output = &options.output;
     output.check(JSON)?;

@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{Result, miette};
 use serde::Serialize;
 
-use crate::cli::identify::words;
+use crate::cli::identify::text_of;
 use crate::cli::options::{Class, Output, read, refuse_same};
 use crate::hil::bench::{Bench, ESTIMATES_EVERY, requests};
 use crate::hil::board::Target;
@@ -41,8 +41,8 @@ struct Printed<'a> {
     hardware: &'a Hardware,
 }
 
-/// Runs a log through a board, writes what the board has found, and fails unless every answer is
-/// the host's.
+/// Runs a log through a board, writes the results of the board, and fails unless every answer equals that of
+/// the host.
 pub fn hil(options: &Hil) -> Result<()> {
     options.output.check(SUMMARY)?;
     refuse_same(&options.log, &options.output.out)?;
@@ -66,7 +66,7 @@ pub fn hil(options: &Hil) -> Result<()> {
         hardware: &hardware,
     };
     options.output.print.result(&printed, || {
-        let found = words(&analysis, None, &options.output.out);
+        let found = text_of(&analysis, None, &options.output.out);
         format!("{found}\n{hardware}")
     })?;
     hardware.verdict()
@@ -84,7 +84,7 @@ fn run(
     }
     let mut bench = Bench::new(config).map_err(|error| miette!("{}", error))?;
     let mut session = options.target.open()?;
-    // Of its log the board counts what it has lost since its reset.
+    // The board counts lost lines of its log since its reset.
     let lost_before = session.status()?.log_lines_lost;
     let started = session.start(config, ESTIMATES_EVERY)?;
     let length = input.log.imu.len() + input.log.gnss.len();
@@ -112,7 +112,7 @@ fn run(
     let seconds = view.seconds();
     view.bar.finish_and_clear();
 
-    // A clock that counts anything else than clocks of a processor tells nothing here.
+    // Only if ticks are clocks of the processor.
     let counts_clocks = session.hello.clocks_per_tick == 1;
     let hardware = Hardware {
         board: options.target.in_words(),

@@ -37,14 +37,14 @@ pub(super) fn identify(options: &Identify) -> Result<()> {
     if let [log] = options.log.as_slice() {
         let Output { out, print, force } = &options.output;
         let (analysis, model) = identify_log(log, out, grade, law, *force)?;
-        let told = || words(&analysis, Some(&model), out);
-        print.result(&analysis.summary, told)
+        let text = || text_of(&analysis, Some(&model), out);
+        print.result(&analysis.summary, text)
     } else {
         identify_logs(options, grade, law)
     }
 }
 
-/// Marks a folder of results as ours: those of one log, or else of several.
+/// File that marks a folder of results as ours: of one log, or of several.
 fn mark(out: &Path) -> &'static str {
     let of_one = out.join(SUMMARY).is_file();
     if of_one { SUMMARY } else { error_model::MODEL }
@@ -94,7 +94,7 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
         let (mut records, mut summaries, mut class) = (Vec::new(), Vec::new(), grade);
         let mut given = DistinctLogs::default();
         for (number, log) in (1..).zip(&options.log) {
-            // One log at a time: only what the error model needs of it is kept.
+            // One log at a time: only the record for the error model is kept.
             let analysis = identified(log, grade)?;
             let this = analysis.summary.grade;
             if *class.get_or_insert(this) != this {
@@ -107,10 +107,10 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
             given.take(log, &analysis.log)?;
             let record = Record::new(&analysis.log, &analysis.found);
             let name = analysis.summary.log.replace(['/', '\\'], "-");
-            let beside = folder.join(format!("{number}-{name}"));
-            fs::create_dir(&beside).map_err(|e| OutputError::io(&beside, e))?;
+            let nested = folder.join(format!("{number}-{name}"));
+            fs::create_dir(&nested).map_err(|e| OutputError::io(&nested, e))?;
             let own = [record];
-            write(&analysis, &own, &error_model_of(&own, this, law), &beside)?;
+            write(&analysis, &own, &error_model_of(&own, this, law), &nested)?;
             records.extend(own);
             summaries.push(analysis.summary);
         }
@@ -126,10 +126,10 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
     };
     let (model, summaries) = options.output.fill(mark(out), fill)?;
     print.result(&summaries, || {
-        let told = (summaries.iter()).flat_map(|one| one.verdict.lines_of(&one.log));
-        let told = told.collect::<Vec<_>>().join("\n");
+        let text = (summaries.iter()).flat_map(|one| one.verdict.lines_of(&one.log));
+        let text = text.collect::<Vec<_>>().join("\n");
         format!(
-            "{told}\n\n{}{}",
+            "{text}\n\n{}{}",
             model_in_words(&model, out),
             report_line(out)
         )
@@ -145,8 +145,8 @@ fn model_in_words(model: &Identified, out: &Path) -> String {
     )
 }
 
-/// What was found, and where it is written.
-pub(super) fn words(analysis: &Analysis, model: Option<&Identified>, out: &Path) -> String {
+/// Results as text, and where they are written.
+pub(super) fn text_of(analysis: &Analysis, model: Option<&Identified>, out: &Path) -> String {
     let summary = &analysis.summary;
     let error = &summary.velocity_error_mps;
     let free = error.before.zip(error.after).map(|(before, after)| {

@@ -6,12 +6,12 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-use super::options::{Output, tell};
+use super::options::{Output, print_warnings};
 use crate::log::import::{Choice, read};
 use crate::log::{Compression, LogError, write};
 use crate::page::output;
 
-/// What marks a folder as written here.
+/// File that marks a folder as ours.
 const MARK: &str = "import.toml";
 
 #[derive(Debug, Args)]
@@ -26,7 +26,7 @@ pub struct Import {
     output: Output,
 }
 
-/// What was imported, as it is printed and kept beside the log.
+/// Summary of the import, as printed and written beside the log.
 #[derive(Serialize)]
 struct Imported<'a> {
     files: &'a [PathBuf],
@@ -40,7 +40,7 @@ struct Imported<'a> {
 pub fn import(options: &Import) -> Result<()> {
     options.output.check(MARK)?;
     let (log, warnings) = read(&options.files, options.choice)?;
-    tell(&warnings);
+    print_warnings(&warnings);
     let source = log.meta.document.get("source");
     let imported = Imported {
         files: &options.files,

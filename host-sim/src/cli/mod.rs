@@ -35,7 +35,7 @@ pub struct Cli {
     command: Command,
 }
 
-/// For use, then for study.
+/// Commands for use, then for studies.
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Simulate a drive, identify it, and compare with the truth.
@@ -82,7 +82,7 @@ enum Command {
     },
 }
 
-/// Leaves neither half a result nor a program under test behind.
+/// On a stop, removes incomplete results and kills programs under test.
 pub fn clean_up_when_stopped() {
     output::clean_up_when_stopped(program::kill_all);
 }
@@ -114,7 +114,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Merge(options) => campaign::merge(options),
         Command::ReproduceThesis(options) => reproduce::reproduce(options),
         Command::Completions { shell } => {
-            // Writing into memory cannot fail, as the generator takes for granted.
+            // Into memory, since the generator panics on write errors.
             let mut text = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), NAME, &mut text);
             options::print(&String::from_utf8_lossy(&text))

@@ -1,4 +1,4 @@
-//! Options that several commands have, and what they mean.
+//! Options of several commands, and what they do.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::page::html::REPORT;
 use crate::page::progress::bar;
 use crate::page::{self, output};
 
-/// The log's folder must not become the results' one.
+/// Refuses an output folder that contains the log.
 pub(super) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
     let same = match (log.canonicalize(), out.canonicalize()) {
         (Ok(log), Ok(out)) => log.starts_with(out),
@@ -33,27 +33,27 @@ pub(super) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Tells what is no reason to stop.
-pub(super) fn tell(warnings: &[LogError]) {
+/// Prints warnings to standard error.
+pub(super) fn print_warnings(warnings: &[LogError]) {
     for warning in warnings {
         eprintln!("warning: {warning}\n  {}", warning.cause);
     }
 }
 
-/// Reads a log, and tells what looks suspicious in it.
+/// Reads a log, and prints its warnings.
 pub(super) fn read(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Input> {
     let input = Input::read(folder, grade, progress)?;
-    progress.suspend(|| tell(&input.warnings));
+    progress.suspend(|| print_warnings(&input.warnings));
     Ok(input)
 }
 
-/// The same, identified.
+/// Reads and identifies a log.
 pub(super) fn identified(folder: &Path, grade: Option<Grade>) -> Result<Analysis> {
     let progress = bar();
     Analysis::of_input(read(folder, grade, &progress)?, &progress)
 }
 
-/// That of a file, or the Cessna 172.
+/// The aircraft of a file, or the Cessna 172.
 pub(super) fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     match file {
         Some(file) => Ok(read_aircraft(file)?),
@@ -61,7 +61,7 @@ pub(super) fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     }
 }
 
-/// What a log may not say of its sensors.
+/// The class of the sensors, which a log may not have.
 #[derive(Args, Clone, Copy, Debug)]
 pub(super) struct Class {
     /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
@@ -78,7 +78,7 @@ pub(super) struct Print {
 }
 
 impl Print {
-    /// Prints a result, for programs or for people.
+    /// Prints a result as JSON or as text.
     pub(super) fn result(
         self,
         value: &impl Serialize,
@@ -116,7 +116,7 @@ impl Output {
     }
 }
 
-/// The same where nothing is written unless a folder is named.
+/// The same with an optional folder.
 #[derive(Args, Debug)]
 pub(super) struct Folder {
     /// Folder for the results.
@@ -136,7 +136,7 @@ impl Folder {
         Ok(self.out.as_ref().map_or(Ok(()), check)?)
     }
 
-    /// Fills it, if it is named, and prints what is in it.
+    /// Fills it, if given, and prints the result.
     pub(super) fn deliver(
         &self,
         mark: &str,
@@ -150,7 +150,7 @@ impl Folder {
     }
 }
 
-/// Fills a folder of results, and tells what of an earlier one is left.
+/// Fills a folder of results, and reports files that are kept of an earlier one.
 pub(super) fn build<T>(
     folder: &Path,
     mark: &str,
@@ -158,23 +158,23 @@ pub(super) fn build<T>(
     fill: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
     let (filled, kept) = output::build(folder, mark, force, fill)?;
-    tell_kept(folder, kept.as_deref());
+    report_kept(folder, kept.as_deref());
     Ok(filled)
 }
 
-pub(super) fn tell_kept(folder: &Path, kept: Option<&Path>) {
+pub(super) fn report_kept(folder: &Path, kept: Option<&Path>) {
     if let Some(kept) = kept {
         let [folder, kept] = [folder, kept].map(Path::display);
         eprintln!("{folder}: what was not replaced is kept in {kept}");
     }
 }
 
-/// Where the page of a folder of results is.
+/// Path of the report in a folder of results.
 pub(super) fn report_line(out: &Path) -> String {
     format!("Report: {}\n", out.join(REPORT).display())
 }
 
-/// To the standard output. Whoever reads it may stop, as `head` does.
+/// To the standard output, whose reader may stop early, as `head` does.
 pub(super) fn print(text: &str) -> Result<()> {
     let mut output = io::stdout();
     match (output.write_all(text.as_bytes())).and_then(|()| output.flush()) {

@@ -27,7 +27,7 @@ pub struct PlanDrive {
     folder: Folder,
 }
 
-/// Plans a drive, or what to add to one.
+/// Plans a drive, or an addition to one.
 pub fn plan_drive(options: &PlanDrive) -> Result<()> {
     let folder = &options.folder;
     folder.check(PLAN)?;
@@ -50,7 +50,7 @@ pub fn plan_drive(options: &PlanDrive) -> Result<()> {
     folder.deliver(PLAN, |folder| report.write(folder), &report, text)
 }
 
-/// What a log lacks; its name, and what speaks against it.
+/// Plan of an addition to a log; name and verdict of the log.
 fn added_to(log: &Path, target: &Target, seed: u64) -> Result<(Plan, (String, Vec<String>))> {
     let analysis = identified(log, target.unit.class)?;
     let navigator = target.navigator_after(&analysis)?;

@@ -14,7 +14,8 @@ use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
 use crate::cli::options::{
-    Class, Output, aircraft, identified, print, refuse_same, report_line, tell, tell_kept,
+    Class, Output, aircraft, identified, print, print_warnings, refuse_same, report_kept,
+    report_line,
 };
 use crate::identify::analysis::{log_name, unusable};
 use crate::identify::error_model::Sensors;
@@ -36,9 +37,9 @@ use crate::sim::recorded::RecordedNoise;
 use crate::statistics::whole;
 use crate::study::options::within;
 
-/// Marks a folder as that of a rehearsal, and says of which.
+/// Settings of a rehearsal; marks its folder as ours.
 const SETTINGS: &str = "settings.json";
-/// Recorded noise is resampled in blocks of so long, s: slower colour than that is lost.
+/// Length of the blocks in which recorded noise is resampled, s: slower correlation is lost.
 const BLOCK_S: f64 = 2.0;
 
 #[derive(Debug, Args)]
@@ -124,7 +125,7 @@ fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected at least 0.001".to_owned())
 }
 
-/// Flies what is missing and says what it shows.
+/// Flies what is missing and prints the summary.
 pub fn rehearse(options: &Rehearse) -> Result<()> {
     let subjects = subjects(&options.with)?;
     let dynamics = aircraft(options.aircraft.as_deref())?;
@@ -178,7 +179,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     };
     check_apriori(&rehearsal, &apriori, options.set.as_deref())?;
     let out = &options.output.out;
-    settle(&rehearsal.settings, out, options.output.force)?;
+    prepare_folder(&rehearsal.settings, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
         let script = slurm::write("rehearse", out, jobs, None)?;
         return print(&format!("{}\n", script.display()));
@@ -207,8 +208,8 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     }
     let summary = Summary::new(&rehearsal, &scenario, &lines(out)?);
     output::write(out, &summary)?;
-    let told = || output::readable(&summary) + &report_line(out);
-    options.output.print.result(&summary, told)?;
+    let text = || output::readable(&summary) + &report_line(out);
+    options.output.print.result(&summary, text)?;
     if summary.tested.iter().all(|tested| tested.flights == 0) {
         bail!(
             help = "the table of flights without a result has their causes",
@@ -239,7 +240,7 @@ fn subjects(with: &[String]) -> Result<Vec<Subject>> {
     Ok(subjects)
 }
 
-/// What the user sets of an error model himself; that it is one is seen where it is set.
+/// Keys of an error model that the user sets; they are validated when applied.
 pub(super) fn keys(file: Option<&Path>) -> Result<toml::Table> {
     let Some(file) = file else {
         return Ok(toml::Table::new());
@@ -256,7 +257,7 @@ pub(super) fn keys(file: Option<&Path>) -> Result<toml::Table> {
     Ok(keys)
 }
 
-/// What is wrong with them.
+/// Reports an error of the model in these keys.
 pub(super) fn in_keys(file: Option<&Path>, error: &ErrorModelError) -> Report {
     let Some(file) = file else {
         return miette!("the identified model cannot be flown: {error}");
@@ -307,7 +308,7 @@ fn settings(
     Ok(settings)
 }
 
-/// Refuses what no algorithm at hand can be configured by, where it is set.
+/// Refuses a model that a built-in algorithm cannot be configured by, with the key that causes it.
 fn check_apriori(rehearsal: &Rehearsal, apriori: &Apriori, set: Option<&Path>) -> Result<()> {
     let check = |model: ErrorModel| {
         let apriori = Apriori {
@@ -332,10 +333,10 @@ fn check_apriori(rehearsal: &Rehearsal, apriori: &Apriori, set: Option<&Path>) -
     Err(source.error(place, message).into())
 }
 
-/// What the unit puts out at rest, in this log.
+/// Noise of the unit at rest in a log.
 fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
     let (log, warnings) = import::open(path)?;
-    tell(&warnings);
+    print_warnings(&warnings);
     let (own_hz, wanted_hz) = (log.imu_rate_hz(), f64::from(imu_hz));
     if (own_hz / wanted_hz - 1.0).abs() > 0.02 {
         bail!(
@@ -344,8 +345,8 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
             path.display()
         );
     }
-    let stretches = readings_at_rest(&log);
-    RecordedNoise::new(stretches, whole(BLOCK_S * wanted_hz)).ok_or_else(|| {
+    let rests = readings_at_rest(&log);
+    RecordedNoise::new(rests, whole(BLOCK_S * wanted_hz)).ok_or_else(|| {
         miette!(
             help = "leave the unit standing for a minute, engine running, and log that",
             "{}: {} has no rest of {BLOCK_S:.0} s beyond its ends",
@@ -355,8 +356,8 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
     })
 }
 
-/// Makes the folder, or finds that it belongs to this very rehearsal.
-fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
+/// Creates the folder, or checks that it belongs to the same rehearsal.
+fn prepare_folder(settings: &Settings, out: &Path, force: bool) -> Result<()> {
     let text = page::json(settings)?;
     let copy = out.join(SETTINGS);
     let before = fs::read_to_string(&copy).unwrap_or_default();
@@ -367,16 +368,16 @@ fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
     );
     let same = |_: &Path| Ok(differ.is_empty());
     let kept = ledger::prepare_folder(out, SETTINGS, &text, force, same, &other)?;
-    tell_kept(out, kept.as_deref());
-    // A program that is there only now is the one from now on.
+    report_kept(out, kept.as_deref());
+    // A program that did not exist before is recorded now.
     if text != before {
         replace(&copy, &text)?;
     }
     Ok(())
 }
 
-/// Keys of settings whose values are others in an earlier text. A program that was not there then
-/// has flown nothing.
+/// Keys of settings with other values in an earlier text. A program that did not exist then has no
+/// results.
 fn differing(text: &str, before: &str) -> Vec<String> {
     let [now, before] =
         [text, before].map(|text| serde_json::from_str::<Map<_, _>>(text).unwrap_or_default());

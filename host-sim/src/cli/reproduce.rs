@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::Result;
 
-use super::options::{Output, refuse_same, report_line, tell};
+use super::options::{Output, print_warnings, refuse_same, report_line};
 use crate::identify::analysis::log_name;
 use crate::log::import;
 use crate::page::progress::spinner;
@@ -26,7 +26,7 @@ pub struct Reproduce {
 
 fn read(path: &Path) -> Result<Recorded> {
     let (log, warnings) = import::open(path)?;
-    tell(&warnings);
+    print_warnings(&warnings);
     Ok(Recorded {
         name: log_name(path, &log),
         log,

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum as _};
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 
-use super::identify::{identify_log, words};
+use super::identify::{identify_log, text_of};
 use super::options::{Output, Print, aircraft, build};
 use crate::aircraft::flight::Flight;
 use crate::aircraft::input::error_model;
@@ -68,7 +68,7 @@ pub(super) fn drive(options: &Drive) -> Result<()> {
     print.result(&truth, || format!("Log written to {out}\n"))
 }
 
-/// Those of a name or file, as far as a log can have them.
+/// Error model of a name or file; warns of keys that have no effect on a log.
 fn errors_of(name: &str) -> Result<ErrorModel> {
     let errors = error_model(name)?;
     (errors.check_at(IMU_HZ)).map_err(|error| miette!("{name}: {error}, {IMU_HZ} a second"))?;
@@ -80,7 +80,7 @@ fn errors_of(name: &str) -> Result<ErrorModel> {
     Ok(errors)
 }
 
-/// A log of another class than its sensors is meant by few.
+/// Warns if the class of the log differs from that of its sensors.
 fn warn_of_other_class(errors: Option<&str>, grade: Option<Grade>) {
     let class = errors.and_then(|errors| Grade::from_str(errors, false).ok());
     if let (Some(class), Some(grade)) = (class, grade)
@@ -94,15 +94,15 @@ fn warn_of_other_class(errors: Option<&str>, grade: Option<Grade>) {
 /// Simulates a drive, identifies it, and compares with the truth.
 pub(super) fn demo(options: &Demo) -> Result<()> {
     let (log, results) = (options.out.join("log"), options.out.join("report"));
-    // An earlier demo can be had again at any time.
+    // A demo is reproducible.
     let force = true;
-    // Both before either, so that nothing is simulated in vain.
+    // Both before the simulation.
     output::check_free(&log, true_errors::FILE, force)?;
     output::check_free(&results, SUMMARY, force)?;
     write_drive(&log, options.drive, None, force)?;
     let (analysis, model) = identify_log(&log, &results, None, None, force)?;
-    let told = || words(&analysis, Some(&model), &results);
-    options.print.result(&analysis.summary, told)
+    let text = || text_of(&analysis, Some(&model), &results);
+    options.print.result(&analysis.summary, text)
 }
 
 fn write_drive(
@@ -130,7 +130,7 @@ fn write_drive(
     Ok(drive.truth)
 }
 
-/// What was simulated, as the log of a unit, and its true errors.
+/// The simulated log of a unit, and its true errors.
 struct Simulated {
     truth: Truth,
     log: Log,
@@ -205,7 +205,7 @@ pub(super) fn fly(options: &Fly) -> Result<()> {
     let drawn = pictures::of_flight(&run, recording.errors.imu.output);
     let distance_km = 1e-3 * distance_m(&run);
     let name = format!("simulated flight, seed {}", options.seed);
-    // A flight has no rest that would tell.
+    // In a flight there may be no rest to determine it from.
     let grade = class(&recording.errors);
     let flown = Simulated::new(run, &recording.errors, grade, name);
     let plan = output::read(&options.plan)?;
@@ -235,8 +235,8 @@ pub(super) fn fly(options: &Fly) -> Result<()> {
     })
 }
 
-/// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate, within a
-/// second of noise and for an hour of drift. That leaves noise between those of the two presets.
+/// Class for the configuration of the core: whether the gyros resolve Earth rate, with the noise of a second and
+/// the drift of an hour. The limit of noise is between those of the two presets.
 fn class(errors: &ErrorModel) -> Grade {
     const EARTH_RATE_DEG_H: f64 = 15.0;
     let gyros = &errors.gyro_deg_h;
@@ -275,7 +275,7 @@ mod tests {
         }
         let wave = include_str!("../../errors/wave.toml");
         assert_eq!(class(&ErrorModel::from_toml(wave).unwrap()), Grade::Hg1700);
-        // Calibrated, but it wanders.
+        // Calibrated, but with bias drift.
         assert_eq!(of(BiasModel::drifting(10.0, 40.0), 7.5), Grade::Mems);
         let jumps = BiasModel::Wave {
             initial_sigma: 1.0,

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{Class, Folder, Print, identified, print, tell};
+use super::options::{Class, Folder, Print, identified, print, print_warnings};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::folder_name;
 use crate::identify::configure;
@@ -23,7 +23,7 @@ use crate::study::options::MOST_SEED;
 use crate::study::recordings::{Outcome, Recording};
 use crate::study::{accuracy, conditions, flights, logs, plan_drive, recordings, recovery};
 
-/// What is studied.
+/// The studies.
 #[derive(Debug, Subcommand)]
 pub enum Study {
     /// Run many simulated drives and say how good the estimates are.
@@ -38,14 +38,14 @@ pub enum Study {
     Logs(Logs),
     /// Try recordings of any format: what is found in each, what is warned of, and the time it takes.
     Recordings(Recordings),
-    /// Hold the sigmas that `plan-drive` foretells against the errors of simulated drives.
+    /// Compare the sigmas that `plan-drive` predicts with the errors of simulated drives.
     PlanDrive {
         #[command(flatten)]
         options: plan_drive::Options,
         #[command(flatten)]
         print: Print,
     },
-    /// Foretell the drift of recorded drives without GNSS by a model of other drives, and compare.
+    /// Predict the drift of recorded drives without GNSS by a model of other drives, and compare.
     Rehearse(Rehearse),
 }
 
@@ -167,7 +167,7 @@ impl Conditions {
         self.print.result(&page, || {
             conditions::output::readable(&page.kinds, !self.brief)
         })?;
-        // Last: hours of work are shown even if the disk is full by now.
+        // Last, so that hours of work are printed even if the disk is full.
         if let Some(file) = &self.csv {
             replace(file, &table)?;
         }
@@ -266,8 +266,8 @@ impl Recovery {
     }
 }
 
-/// Paths without those that name again what is named before, which are told.
-fn once(paths: &[PathBuf]) -> Vec<&PathBuf> {
+/// Distinct paths; repeated ones are reported.
+fn distinct(paths: &[PathBuf]) -> Vec<&PathBuf> {
     let mut known = HashSet::new();
     let first = |path: &&PathBuf| {
         let new = known.insert(path.canonicalize().unwrap_or_else(|_| (*path).clone()));
@@ -279,7 +279,7 @@ fn once(paths: &[PathBuf]) -> Vec<&PathBuf> {
     paths.iter().filter(first).collect()
 }
 
-/// What kinds and logs of one side are there for.
+/// Use of the kinds or logs of a side, as text.
 fn side(judges: bool) -> &'static str {
     if judges { "judges" } else { "is developed on" }
 }
@@ -303,13 +303,13 @@ pub struct Logs {
 }
 
 impl Logs {
-    /// Studies every log; one that cannot be used is named, and the others go on.
+    /// Studies every log; one that cannot be used is reported, and the others are continued.
     fn run(&self) -> Result<()> {
         let wanted = |folder: &&PathBuf| match logs::Role::of(&folder_name(folder)) {
             logs::Role::Development => !self.judges,
             logs::Role::Judge => !self.development,
         };
-        let folders: Vec<&PathBuf> = once(&self.logs).into_iter().filter(wanted).collect();
+        let folders: Vec<&PathBuf> = distinct(&self.logs).into_iter().filter(wanted).collect();
         if folders.is_empty() {
             bail!("no log of those given {}", side(self.judges));
         }
@@ -318,13 +318,13 @@ impl Logs {
         let one = |folder: &&PathBuf| {
             let name = folder_name(folder);
             let (log, warnings) = log::read(folder)?;
-            progress.suspend(|| tell(&warnings));
+            progress.suspend(|| print_warnings(&warnings));
             progress.set_message(name.clone());
             let grade = configure::grade(&log, self.class.grade);
             logs::LogStudy::of_log(name, &log, grade)
                 .map_err(|error| miette!("cannot be used: {}", error))
         };
-        // Longest work first to whoever is free; results stand in the order of the folders.
+        // Each to the next free thread; results are in the order of the folders.
         let studies: Vec<Result<logs::LogStudy>> = (folders.par_iter())
             .with_max_len(1)
             .map(counted(&progress, one))
@@ -362,10 +362,10 @@ pub struct Recordings {
 }
 
 impl Recordings {
-    /// Tries every recording, one after another, for their times are told.
+    /// Processes every recording, one after another, for correct times.
     fn run(&self) -> Result<()> {
         let progress = bar().with_message("trying");
-        let paths = once(&self.paths);
+        let paths = distinct(&self.paths);
         progress.set_length(paths.len() as u64);
         let one = |path: &PathBuf| recordings::recordings(path, self.class.grade);
         let rows: Vec<Recording> = (paths.into_iter())
@@ -436,9 +436,9 @@ impl Rehearse {
             proof.verdicts.push(DriveVerdict::of(analysis.summary));
         }
         self.print.result(&proof, || {
-            let told = proof.verdicts.iter().flat_map(DriveVerdict::lines);
-            let told = told.collect::<Vec<_>>().join("\n");
-            format!("{told}\n\n{}", proof::readable(&proof.rows))
+            let verdicts = proof.verdicts.iter().flat_map(DriveVerdict::lines);
+            let verdicts = verdicts.collect::<Vec<_>>().join("\n");
+            format!("{verdicts}\n\n{}", proof::readable(&proof.rows))
         })
     }
 }

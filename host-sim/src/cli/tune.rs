@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{Class, Print, print, tell};
+use crate::cli::options::{Class, Print, print, print_warnings};
 use crate::identify::analysis::{Analysis, Input};
 use crate::identify::error_model::Record;
 use crate::log::import::Choice;
@@ -34,7 +34,7 @@ pub struct Tune {
 pub fn tune(options: &Tune) -> Result<()> {
     let progress = bar();
     let input = Input::read_all(&options.log, options.choice, options.class.grade, &progress)?;
-    progress.suspend(|| tell(&input.warnings));
+    progress.suspend(|| print_warnings(&input.warnings));
     let analysis = Analysis::of_input(input, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, None);
