@@ -63,6 +63,10 @@ type Row = SVector<f32, COUNT>;
 const STEADY_SIGMAS: f32 = 3.0;
 /// Residual beyond which a measurement counts less, sigmas.
 const OUTLIER_SIGMAS: f32 = 3.0;
+/// Change of velocity that neither the INS nor so many sigmas explain, whatever the heading: a wrong fix.
+const GROSS_SIGMAS: f32 = 6.0;
+/// Time after which such fixes are believed: the one before them was wrong, or their noise is, s.
+const GROSS_S: f64 = 10.0;
 /// Largest sigma of the angle at which cosine and sine are linear in it, rad.
 const KNOWN_ANGLE_RAD: f64 = 0.35;
 /// Sigma beyond which it is forgotten, and least length of cosine and sine that has an angle.
@@ -134,8 +138,9 @@ pub(crate) struct Candidate {
     risen_mps: f32,
     velocity_before_mps: Vector2<f32>,
     level_before: Matrix2x3<f32>,
-    /// Velocity at the last observation.
+    /// Velocity at the last observation, and the observed one.
     last_mps: Vector2<f32>,
+    last_observed_mps: Vector2<f32>,
     /// Regressor `d`: gain of GNSS velocity that counts as motion, m/s.
     regressor_mps: Vector2<f32>,
     /// Sums of the squares of INS and of GNSS motion, (m/s)^2.
@@ -208,6 +213,7 @@ impl Candidate {
             velocity_before_mps: Vector2::zeros(),
             level_before: Matrix2x3::zeros(),
             last_mps: Vector2::zeros(),
+            last_observed_mps: Vector2::zeros(),
             regressor_mps: Vector2::zeros(),
             ins_power: 0.0,
             gnss_power: 0.0,
@@ -323,12 +329,15 @@ impl Candidate {
                 swing_radps: moment.swing_radps,
             }
         };
-        let antenna = predicted.velocity_mps + predicted.swing_radps * self.lever_arm_m;
         let white = excess * observation.sigma_mps * observation.sigma_mps;
+        let since_s = observation.time.seconds_since(self.last_observation);
+        if since_s < GROSS_S && self.is_gross(observation, &predicted, white, single(since_s)) {
+            return OUTLIER_SIGMAS * OUTLIER_SIGMAS;
+        }
+        let antenna = predicted.velocity_mps + predicted.swing_radps * self.lever_arm_m;
         let d = observation.velocity_mps - first;
         self.ins_power += predicted.velocity_mps.norm_squared();
         self.gnss_power += d.norm_squared();
-        let since_s = observation.time.seconds_since(self.last_observation);
         self.last_observation = observation.time;
         let spurious = self.regressor(d, antenna, white, since_s);
         let regressor = self.regressor_mps;
@@ -356,6 +365,7 @@ impl Candidate {
             antenna.y - self.rotation.dot(&right_of(d)),
         ];
         self.last_mps = predicted.velocity_mps;
+        self.last_observed_mps = observation.velocity_mps;
         let misfit = self.fuse_both(&rows, residual, noise, spurious);
         self.normalize();
         self.rotate_reference(regressor);
@@ -364,6 +374,29 @@ impl Candidate {
             self.begin(observation, moment.velocity_mps, swing);
         }
         misfit
+    }
+
+    /// Whether GNSS velocity changes as the INS does not: how much it changes needs no heading. Noise, tilt,
+    /// the swing of the antenna and a latency while the vehicle speeds up explain some of it.
+    fn is_gross(
+        &self,
+        observation: &Observation,
+        predicted: &Predicted,
+        white: f32,
+        since_s: f32,
+    ) -> bool {
+        let p = &self.covariance;
+        let tilt = math::max(p.variance(TILT), p.variance(TILT + 1));
+        let tilted = single(GRAVITY_EQUATOR_MPS2) * since_s;
+        let arm = self.arm_variance().sum() + self.lever_arm_m.norm_squared();
+        let accel = predicted.accel_mps2.norm_squared() + FIRST_ACCEL_MPS2 * FIRST_ACCEL_MPS2;
+        let variance = 2.0 * observation.shared * white
+            + tilt * tilted * tilted
+            + 2.0 * arm * predicted.swing_radps.norm_squared()
+            + p.variance(LATENCY) * accel;
+        let gained = (predicted.velocity_mps - self.last_mps).norm_squared();
+        let change = (observation.velocity_mps - self.last_observed_mps).norm_squared();
+        change > 4.0 * gained + GROSS_SIGMAS * GROSS_SIGMAS * variance
     }
 
     /// Motion at the time of an observation, where the next displacement begins.
@@ -496,6 +529,7 @@ impl Candidate {
         self.way_m = Vector2::zeros();
         self.velocity_before_mps = Vector2::zeros();
         self.last_mps = Vector2::zeros();
+        self.last_observed_mps = first.velocity_mps;
         self.regressor_mps = Vector2::zeros();
         self.ins_power = 0.0;
         self.gnss_power = 0.0;
