@@ -275,6 +275,9 @@ fn file_cases() -> Vec<Case> {
         text("header alone", |f| {
             f.gnss.truncate(f.gnss.find('\n').unwrap() + 1);
         }),
+        text("fixes of the first fifty seconds alone", |f| {
+            each_row(&mut f.gnss, |row, _| row < 250);
+        }),
         folder("gzip cut short", |f| {
             pack_imu(f, |bytes| bytes.truncate(bytes.len() / 2));
         }),

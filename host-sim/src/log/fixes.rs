@@ -14,10 +14,14 @@ const MOVING_MPS: f64 = 1.0;
 /// Distance travelled with one position that shows it is stuck, m: the coarsest resolution is 1e-5 deg.
 const STUCK_DISTANCE_M: f64 = 2.0;
 
+/// Longest time without fixes at the end that needs no warning, s: a car in its garage.
+const EARLY_END_S: f64 = 60.0;
+
 const NO_FIX: &str = "the receiver never had a fix";
 
 /// Leaves out values that are no measurements, and corrects the sign of vertical velocity.
 pub(super) fn repair_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
+    warn_of_early_end(log, findings);
     let mut repair = Repair {
         fixes: &mut log.gnss,
         findings,
@@ -31,6 +35,20 @@ pub(super) fn repair_fixes(log: &mut Log, findings: &mut Findings) -> Result<(),
     repair.differenced_velocity();
     repair.large_sigmas();
     repair.missing_parts()
+}
+
+/// A receiver's file that breaks off: what is compared and estimated then stands on a part of the recording.
+fn warn_of_early_end(log: &Log, findings: &mut Findings) {
+    let (Some(fix), Some(sample)) = (log.gnss.last(), log.imu.last()) else {
+        return;
+    };
+    let after_s = sample.time.seconds_since(fix.time);
+    if after_s > EARLY_END_S && after_s > 0.1 * log.duration_s() {
+        let found = format!("the last one {after_s:.0} s before the last sample");
+        let cause = "the file of the receiver breaks off, or it had no signals any more: from there on \
+                     nothing corrects the INS";
+        findings.warn(findings.gnss("t_s", "fixes until the samples end", found, cause));
+    }
 }
 
 struct Repair<'a, 'b> {
