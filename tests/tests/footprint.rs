@@ -8,7 +8,7 @@ use ins_tests::footprint::{goal, ours};
 /// change of the compiler's mind. Of ring lasers the fewest parameters are estimated, of MEMS all.
 const AMORTISED_OF_ALL: u64 = 3_735;
 const STATE_BYTES: u64 = 13_680;
-const FLASH_BYTES: u64 = 148_000;
+const FLASH_BYTES: u64 = 148_500;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
