@@ -46,7 +46,7 @@ struct Mutation {
     usable: bool,
     spoil: fn(&mut Files),
     /// What it does to the answers: heading, deg; accelerometers, mg; gyros, deg/h; latency, ms.
-    /// NaN where nothing is foretold.
+    /// NaN where nothing is predicted.
     moves: fn(&mut [f64; 8]),
 }
 

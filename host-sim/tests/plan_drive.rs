@@ -321,7 +321,7 @@ fn a_target_file_is_refused_with_its_place() {
 }
 
 #[test]
-fn what_is_foretold_is_what_drives_reach() {
+fn what_is_predicted_is_what_drives_reach() {
     let home = tempfile::tempdir().unwrap();
     let target = "
         [target]
@@ -350,7 +350,7 @@ fn what_is_foretold_is_what_drives_reach() {
     let rows = results[0]["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 4);
     for row in rows {
-        // Of 48 errors the RMS is good to a tenth; azimuths are foretold up to 1.45 times too large.
+        // Of 48 errors the RMS is good to a tenth; azimuths are predicted up to 1.45 times too large.
         let ratio = row["ratio"].as_f64().unwrap();
         assert!((0.6..1.9).contains(&ratio), "{row}");
     }

@@ -66,9 +66,10 @@ fn shows_what_the_thesis_shows_on_any_number_of_threads() {
     // Figure 5: gone, that is less than a tenth is left.
     assert!(number("figure-5", "improvement factor") > 10.0);
     // Table 1: the laboratory sees a tenth of the biases, drives see most of them.
-    let foretold = |from: &str| number("table-1-argument", &format!("predicted from the {from} /"));
-    assert!(foretold("laboratory") < 0.5, "{}", foretold("laboratory"));
-    let drives = foretold("drives");
+    let predicted =
+        |from: &str| number("table-1-argument", &format!("predicted from the {from} /"));
+    assert!(predicted("laboratory") < 0.5, "{}", predicted("laboratory"));
+    let drives = predicted("drives");
     assert!((0.4..2.5).contains(&drives), "{drives}");
     // Table 2, within 2 % of the specification.
     assert!((number("table-2", "stall") / 87.0 - 1.0).abs() < 0.02);

@@ -230,9 +230,9 @@ fn an_antenna_that_swings_does_not_hide_the_azimuth() {
     assert!((0..24).filter(off).count() <= 2);
 }
 
-/// Nothing of these worlds, of which every number is drawn, is called wrong and sure.
-fn assert_not_misled(worlds: &[(Grade, u64)]) {
-    for (class, seed) in worlds {
+/// Nothing of these scenarios, every number of which is drawn, is called wrong and sure.
+fn assert_not_misled(scenarios: &[(Grade, u64)]) {
+    for (class, seed) in scenarios {
         let sigmas = sigmas_off("anything", *class, *seed, |_, check| check.observable);
         println!("{seed}: {sigmas:.1?}");
         assert!(sigmas.iter().all(|sigmas| sigmas.abs() < 4.5), "{sigmas:?}");

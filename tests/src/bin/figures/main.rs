@@ -66,13 +66,13 @@ enum Part {
     Wander,
     /// Recordings of other programs and recorded logs, without a hand's help.
     Recordings,
-    /// Drift without GNSS of recorded drives, foretold from others of the same unit.
+    /// Drift without GNSS of recorded drives, predicted from others of the same unit.
     Proof,
     /// Error models found from drives: units behind it are --runs, 200 at most.
     Recovery,
-    /// Accuracy of flights foretold from drives.
+    /// Accuracy of flights predicted from drives.
     Campaign,
-    /// Sigmas foretold of drives, beside what drives reach.
+    /// Sigmas predicted of drives, beside what drives reach.
     PlanDrive,
     /// Performance of the aircraft.
     Aircraft,

@@ -165,7 +165,7 @@ const TRIALS: [(&[&str], &[&str]); 4] = [
     (&["quad_joey1_imu2"], &["quad_joey1"]),
 ];
 
-/// Drift foretold from recorded drives; `None` without them.
+/// Drift predicted from recorded drives; `None` without them.
 pub fn proof(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
     let logs = found(root, folder);
     if logs.is_empty() {
