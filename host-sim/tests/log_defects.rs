@@ -890,6 +890,9 @@ fn clock_cases() -> Vec<Case> {
             f.gnss = f.gnss.lines().take(50).collect::<Vec<_>>().join("\n");
             convert(&mut f.gnss, "t_s", |x| x + 18.0);
         }),
+        text("samples counted from another origin", |f| {
+            convert(&mut f.imu, "t_s", |x| x + 1e6);
+        }),
         text("different origins", |f| {
             convert(&mut f.gnss, "t_s", |x| x + 1.752e9);
         }),

@@ -377,7 +377,8 @@ impl Candidate {
     }
 
     /// Whether GNSS velocity changes as the INS does not: how much it changes needs no heading. Noise, tilt,
-    /// the swing of the antenna and a latency while the vehicle speeds up explain some of it.
+    /// the swing of the antenna and a latency while the vehicle speeds up explain some of it. A wrong latency
+    /// also cuts a manoeuvre elsewhere: the INS may have half of a change within the interval.
     fn is_gross(
         &self,
         observation: &Observation,

@@ -9,7 +9,7 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::clock::set_clock;
 use super::error::{Findings, LogError};
-use super::fixes::repair_fixes;
+use super::fixes::{repair_fixes, warn_of_early_end};
 use super::meta::BodyAxes;
 use super::motion::{check_axes, check_readings, check_turns, turn_rate_fit};
 use super::rates::Rates;
@@ -47,6 +47,7 @@ pub(super) fn check(
     }
     check_gravity_axis(log, &rates, findings)?;
     let same_motion = set_clock(log, &rates, findings)?;
+    warn_of_early_end(log, findings);
     keep_only_position(log);
     let turns = turn_rate_fit(log, &rates);
     let turns = turns.as_ref();

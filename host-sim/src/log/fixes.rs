@@ -21,7 +21,6 @@ const NO_FIX: &str = "the receiver never had a fix";
 
 /// Leaves out values that are no measurements, and corrects the sign of vertical velocity.
 pub(super) fn repair_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
-    warn_of_early_end(log, findings);
     let mut repair = Repair {
         fixes: &mut log.gnss,
         findings,
@@ -38,7 +37,8 @@ pub(super) fn repair_fixes(log: &mut Log, findings: &mut Findings) -> Result<(),
 }
 
 /// A receiver's file that breaks off: what is compared and estimated then stands on a part of the recording.
-fn warn_of_early_end(log: &Log, findings: &mut Findings) {
+/// The fixes must be on the clock of the samples.
+pub(super) fn warn_of_early_end(log: &Log, findings: &mut Findings) {
     let (Some(fix), Some(sample)) = (log.gnss.last(), log.imu.last()) else {
         return;
     };
