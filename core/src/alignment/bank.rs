@@ -9,8 +9,6 @@
 //! observations, each once the motion at its own time for them has been integrated. A step of work is one
 //! node or one observation of one candidate.
 
-use nalgebra::Vector2;
-
 use super::candidate::{Candidate, Found, Start};
 use super::nodes::Nodes;
 use super::observations::{Observation, Observations};
@@ -243,18 +241,6 @@ impl Bank {
 
     pub(crate) fn candidate(&self, which: u8) -> Option<&Candidate> {
         self.candidates.get(usize::from(which))
-    }
-
-    /// Velocity of the vehicle at a candidate's time, E and N, m/s: the last observation and what was
-    /// gained since.
-    pub(crate) fn velocity_en_mps(
-        &self,
-        which: u8,
-        observations: &Observations,
-    ) -> Option<Vector2<f64>> {
-        let candidate = self.candidate(which)?;
-        let last = observations.get(candidate.observation.checked_sub(1)?)?;
-        Some(last.velocity_mps.map(f64::from) + candidate.gained_en_mps())
     }
 
     /// Advances one candidate by a node, without observations; true if it did.

@@ -667,13 +667,14 @@ impl Candidate {
         &self.attitude
     }
 
-    /// Velocity gained since the last observation, turned to east and north, m/s.
-    pub(crate) fn gained_en_mps(&self) -> Vector2<f64> {
+    /// Velocity of the vehicle, E and N, m/s: the last observation that was used, and what was gained since.
+    pub(crate) fn velocity_en_mps(&self) -> Vector2<f64> {
         let u = (self.velocity_mps - self.last_mps).map(f64::from);
         let turn = self.rotation.map(f64::from);
         let length = math::max(math::sqrt(turn.norm_squared()), 1e-3);
         let (cos, sin) = (turn.x / length, turn.y / length);
-        Vector2::new(cos * u.x - sin * u.y, sin * u.x + cos * u.y)
+        let gained = Vector2::new(cos * u.x - sin * u.y, sin * u.x + cos * u.y);
+        self.last_observed_mps.map(f64::from) + gained
     }
 }
 

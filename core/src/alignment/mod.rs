@@ -754,12 +754,10 @@ impl Alignment {
         else {
             return;
         };
-        let (Some(candidate), Some(level)) = (
-            bank.candidate(best),
-            bank.velocity_en_mps(best, &self.observations),
-        ) else {
+        let Some(candidate) = bank.candidate(best) else {
             return;
         };
+        let level = candidate.velocity_en_mps();
         let found = candidate.found();
         let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
         let mut ins = Mechanization::new(self.position, velocity, *candidate.attitude());
