@@ -157,6 +157,11 @@ impl Channel {
         }
     }
 
+    /// Refers the position to another time.
+    pub fn advance_position(&mut self, seconds: f64) {
+        self.add_coupling::<POSITION, VELOCITY>(seconds);
+    }
+
     /// Adds variance to velocity and tilt.
     pub fn add_variance(&mut self, velocity: f64, tilt: f64) {
         self.p.m22 += velocity;

@@ -38,6 +38,22 @@ impl<T: RealField + Copy> ErrorState<T> {
             .component_mul_assign(&Vector3::new(position, position, position_up));
     }
 
+    /// Refers the position error of a kind to another time.
+    pub fn advance_position(&mut self, kind: Kind, seconds: T) {
+        let InsError {
+            position_m,
+            velocity_mps,
+            ..
+        } = &mut self.error;
+        let moved = *velocity_mps * seconds;
+        if kind.is_up() {
+            position_m.z += moved.z;
+        } else {
+            position_m.x += moved.x;
+            position_m.y += moved.y;
+        }
+    }
+
     /// Corrects east and north, or up, by their innovations: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
     #[inline]
     pub fn correct<const R: usize>(&mut self, gains: &SVector<T, 5>, by: &[T; R]) {

@@ -23,6 +23,9 @@ const ALIASING_PER_S4: f64 = 6e4;
 /// start, a swing that is out of phase by a wrong latency would hold it at zero.
 const SMOOTHING_SIGMAS: f64 = 3.0;
 
+/// Least memory of a receiver that smooths, s.
+const LEAST_MEMORY_S: f64 = 1e-6;
+
 /// Sigmas of gyro noise, in its mean between two entries of the ring, within which a rate shows no lever
 /// arm: beyond, the noise of all three is a thirtieth of its square.
 const NOISE_SIGMAS: f64 = 10.0;
@@ -36,13 +39,39 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> bool {
-        match self.form_innovation(past, kind, difference, config) {
+        let ahead_s = match kind.measured() {
+            Measured::Position => -self.position_delay_s(),
+            Measured::Velocity => 0.0,
+        };
+        self.advance_position(kind, ahead_s);
+        let result = self.form_innovation(past, kind, difference, config);
+        self.advance_position(kind, -ahead_s);
+        match result {
             GateResult::Accepted(_) => true,
             GateResult::Rejected => false,
             GateResult::Diverged(error) => {
                 self.on_diverged(kind, &error, config);
                 false
             }
+        }
+    }
+
+    /// Refers the position error of a kind to another time, with the velocity error as it is: a position may
+    /// be of another time than the velocity beside it.
+    #[inline(never)]
+    fn advance_position(&mut self, kind: Kind, seconds: f64) {
+        if math::abs(seconds) <= 0.0 {
+            return;
+        }
+        let channel = if kind.is_up() {
+            &mut self.vertical
+        } else {
+            &mut self.level
+        };
+        channel.advance_position(seconds);
+        self.state.advance_position(kind, seconds);
+        for sensitivity in estimated(&mut self.sensitivities, &self.corrections) {
+            sensitivity.advance_position(kind, math::single(seconds));
         }
     }
 
@@ -334,6 +363,15 @@ impl Observer {
         } else {
             0.0
         };
+        let smoothing_s2 = self.smoothing_s2();
+        let memory_s = math::sqrt(smoothing_s2);
+        // A position that lags less than the velocity beside it is smoothed less: over the rest of that memory,
+        // squared.
+        let share = if delay_s < 0.0 {
+            math::max(1.0 + delay_s / math::max(memory_s, LEAST_MEMORY_S), 0.0)
+        } else {
+            1.0
+        };
         let [arm_rows, arm_curvature] = self.arm_rows(past, measured, config);
         let (arm_jerk_mps3, arm_effect) = (arm_curvature * arm_m, arm_rows * arm_m);
         let jerk_mps3 = past.jerk_mps3 + arm_jerk_mps3;
@@ -345,20 +383,27 @@ impl Observer {
             Measured::Position => (
                 0.0,
                 past.velocity_mps + past.attitude_rate * arm_m - accel_mps2 * delay_s,
-                -0.5 * accel_mps2,
+                -0.5 * share * accel_mps2,
             ),
         };
         let by_latency = by_latency * self.latency_gain(past, kind, &by_latency);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(arm_effect.y, -arm_effect.x, 0.0);
+        let by_delay = if delay_s < 0.0 {
+            by_latency - accel_mps2 * (memory_s * share)
+        } else {
+            by_latency
+        };
         ReceiverModel {
             arm_m,
             by_latency,
             has_delay,
+            by_delay,
             // Of half a second the second order is decimetres.
-            delay_part: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
+            delay_part: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s
+                + 0.5 * accel_mps2 * (share * (1.0 - share) * smoothing_s2),
             by_smoothing,
-            by_lever_arm: arm_rows + arm_curvature * (part * self.smoothing_s2()),
+            by_lever_arm: arm_rows + arm_curvature * (part * smoothing_s2),
             arm_part: by_azimuth * tilt.z - arm_effect,
             by_azimuth,
             arm_snap2: jerk2 * math::sqrt(jerk2 / (arm_effect.norm_squared() + 1e-6)),
@@ -447,7 +492,7 @@ impl Observer {
         let by_latency = singles(&model.by_latency);
         add(index::LATENCY, &by_latency);
         if model.has_delay {
-            add(index::POSITION_DELAY, &by_latency);
+            add(index::POSITION_DELAY, &singles(&model.by_delay));
         }
         let drifted = by_latency * math::single(self.unsolved_s);
         add(index::CLOCK_DRIFT, &drifted);
@@ -464,6 +509,15 @@ impl Observer {
         let smoothing_s2 = self.smoothing_s2();
         if smoothing_s2 > SMOOTHING_SIGMAS * self.parameters.sigma(index::SMOOTHING) {
             math::sqrt(smoothing_s2)
+        } else {
+            0.0
+        }
+    }
+
+    /// By how much positions are later than the velocities beside them, s.
+    fn position_delay_s(&self) -> f64 {
+        if self.aided_by(Kind::Velocity) {
+            self.parameters.value(index::POSITION_DELAY)
         } else {
             0.0
         }
@@ -492,8 +546,10 @@ struct ReceiverModel {
     /// Velocity or acceleration of the antenna at `C l`, with the derivatives of that: of a mast they are
     /// most of it.
     by_latency: Vector3<f64>,
-    /// Whether a position has a delay of its own beyond the latency, and its effect as estimated.
+    /// Whether a position has a delay of its own beyond the latency, its partial, and its effect as
+    /// estimated, with what it is thus smoothed less.
     has_delay: bool,
+    by_delay: Vector3<f64>,
     delay_part: Vector3<f64>,
     /// A mean over delays of variance `s` differs by `s / 2` times the second derivative.
     by_smoothing: Vector3<f64>,
