@@ -23,6 +23,9 @@ const ALIASING_PER_S4: f64 = 6e4;
 /// start, a swing that is out of phase by a wrong latency would hold it at zero.
 const SMOOTHING_SIGMAS: f64 = 3.0;
 
+/// Delay of positions from which on the INS error changes meanwhile, s: before, by centimetres.
+const LEAST_DELAY_S: f64 = 0.05;
+
 /// Least memory of a receiver that smooths, s.
 const LEAST_MEMORY_S: f64 = 1e-6;
 
@@ -60,7 +63,7 @@ impl Observer {
     /// be of another time than the velocity beside it.
     #[inline(never)]
     fn advance_position(&mut self, kind: Kind, seconds: f64) {
-        if math::abs(seconds) <= 0.0 {
+        if math::abs(seconds) < LEAST_DELAY_S {
             return;
         }
         let channel = if kind.is_up() {
