@@ -197,11 +197,12 @@ impl Observer {
         let prior = config.prior();
         let credible = |which: usize| {
             let sigma = prior.sigma(which);
-            // Clocks drift, and the search for the heading finds the latency by itself.
-            let sigma = if which == index::LATENCY {
-                math::max(sigma, LEAST_LATENCY_SIGMA_S)
-            } else {
-                sigma
+            let sigma = match which {
+                // Clocks drift, and the search for the heading finds the latency by itself.
+                index::LATENCY => math::max(sigma, LEAST_LATENCY_SIGMA_S),
+                // The square of a time.
+                index::SMOOTHING => CREDIBLE_SIGMAS * sigma,
+                _ => sigma,
             };
             math::abs(self.parameters.value(which) - prior.value(which)) <= CREDIBLE_SIGMAS * sigma
         };

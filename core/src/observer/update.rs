@@ -367,13 +367,14 @@ impl Observer {
             0.0
         };
         let smoothing_s2 = self.smoothing_s2();
-        let memory_s = math::sqrt(smoothing_s2);
-        // A position that lags less than the velocity beside it is smoothed less: over the rest of that memory,
-        // squared.
-        let share = if delay_s < 0.0 {
-            math::max(1.0 + delay_s / math::max(memory_s, LEAST_MEMORY_S), 0.0)
+        // A position that lags less than the velocity beside it is smoothed over what is left of the time
+        // constant.
+        let (share, left_s) = if delay_s < 0.0 {
+            let memory_s = math::sqrt(smoothing_s2);
+            let left_s = math::max(memory_s + delay_s, 0.0);
+            (left_s / math::max(memory_s, LEAST_MEMORY_S), left_s)
         } else {
-            1.0
+            (1.0, 0.0)
         };
         let [arm_rows, arm_curvature] = self.arm_rows(past, measured, config);
         let (arm_jerk_mps3, arm_effect) = (arm_curvature * arm_m, arm_rows * arm_m);
@@ -392,16 +393,11 @@ impl Observer {
         let by_latency = by_latency * self.latency_gain(past, kind, &by_latency);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(arm_effect.y, -arm_effect.x, 0.0);
-        let by_delay = if delay_s < 0.0 {
-            by_latency - accel_mps2 * (memory_s * share)
-        } else {
-            by_latency
-        };
         ReceiverModel {
             arm_m,
             by_latency,
             has_delay,
-            by_delay,
+            by_delay: by_latency - accel_mps2 * left_s,
             // Of half a second the second order is decimetres.
             delay_part: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s
                 + 0.5 * accel_mps2 * (share * (1.0 - share) * smoothing_s2),
