@@ -1,4 +1,4 @@
-//! Alignment from motion: what is handed over is right within the spread that is handed over.
+//! Alignment from motion: heading, tilt and latency at hand-over are within their stated sigmas.
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)] // Reference values.
 
@@ -39,7 +39,7 @@ fn bends(t: f64) -> (f64, f64, f64, f64) {
     (heading, rate, speed, 0.75 * (0.25 * t).cos())
 }
 
-struct Ride {
+struct Simulation {
     drive: Drive,
     mount: UnitQuaternion<f64>,
     gyro_bias_radps: Vector3<f64>,
@@ -47,11 +47,11 @@ struct Ride {
     arrival_s: f64,
     fix_s: f64,
     velocity: bool,
-    /// Velocities that are wrong, by their stamps, s.
+    /// Time stamps of wrong velocities, s.
     wrong_s: std::ops::Range<f64>,
 }
 
-impl Ride {
+impl Simulation {
     fn new(drive: Drive) -> Self {
         Self {
             drive,
@@ -90,12 +90,12 @@ impl Ride {
         }
     }
 
-    /// A fix whose errors are those of a rounded receiver, not of a random one.
-    fn fix(&self, stamp_s: f64, way_m: Vector2<f64>) -> GnssFix {
+    /// A fix with rounding errors only.
+    fn fix(&self, stamp_s: f64, travelled_m: Vector2<f64>) -> GnssFix {
         let round = |v: f64| (v * 20.0).round() / 20.0;
-        let place = Geodetic {
-            latitude_rad: way_m.y / 6.336e6,
-            longitude_rad: way_m.x / 6.378e6,
+        let position = Geodetic {
+            latitude_rad: travelled_m.y / 6.336e6,
+            longitude_rad: travelled_m.x / 6.378e6,
             height_m: 0.0,
         };
         let velocity_mps = if self.wrong_s.contains(&stamp_s) {
@@ -108,68 +108,73 @@ impl Ride {
             velocity_en_mps: self.velocity.then_some(velocity_mps),
             ..GnssFix::default()
         }
-        .at(&place)
+        .at(&position)
     }
 
-    /// Runs until it navigates; heading error and its spread, tilt error and its spread, latency
-    /// error and its spread.
+    /// Runs until navigation begins; errors and sigmas of heading, tilt and latency.
     fn align(&self, limit_s: f64) -> Option<[(f64, f64); 3]> {
         let config = Config {
             heading: HeadingSource::Motion,
             ..Config::mems()
         };
         let mut navigator = Navigator::new(config).unwrap();
-        let mut way_m = Vector2::zeros();
+        let mut travelled_m = Vector2::zeros();
         let mut fixes = std::collections::VecDeque::new();
         let mut next_fix_s = 0.0;
         let mut count = 0.0;
         while count * STEP_S < limit_s {
             let time_s = count * STEP_S;
-            way_m += STEP_S * self.velocity(time_s - self.latency_s);
+            travelled_m += STEP_S * self.velocity(time_s - self.latency_s);
             if time_s >= next_fix_s {
                 next_fix_s += self.fix_s;
-                fixes.push_back((time_s + self.arrival_s, self.fix(time_s, way_m)));
+                fixes.push_back((time_s + self.arrival_s, self.fix(time_s, travelled_m)));
             }
             let _ = navigator.on_imu(&self.sample(time_s));
             while let Some((_, fix)) = fixes.pop_front_if(|(arrives_s, _)| *arrives_s <= time_s) {
                 let _ = navigator.on_gnss(&fix);
             }
             if navigator.phase() == Phase::Navigating {
-                return Some(self.judge(&navigator, time_s));
+                return Some(self.errors_and_sigmas(&navigator, time_s));
             }
             count += 1.0;
         }
         None
     }
 
-    fn judge(&self, navigator: &Navigator, time_s: f64) -> [(f64, f64); 3] {
+    fn errors_and_sigmas(&self, navigator: &Navigator, time_s: f64) -> [(f64, f64); 3] {
         let ins = navigator.mechanization().unwrap();
-        let off = matrix(&ins.attitude) * matrix(&self.attitude(time_s)).transpose();
+        let error = matrix(&ins.attitude) * matrix(&self.attitude(time_s)).transpose();
         let estimates = navigator.estimates();
         let latency = estimates.gnss_latency_s;
         [
-            (off.m21.atan2(off.m11), estimates.azimuth_error_rad.sigma),
-            (off.m33.min(1.0).acos(), navigator.tilt_sigma_rad().unwrap()),
+            (
+                error.m21.atan2(error.m11),
+                estimates.azimuth_error_rad.sigma,
+            ),
+            (
+                error.m33.min(1.0).acos(),
+                navigator.tilt_sigma_rad().unwrap(),
+            ),
             (latency.value - self.latency_s, latency.sigma),
         ]
     }
 }
 
-fn assert_honest(ride: &Ride, limit_s: f64) {
-    let found = ride.align(limit_s).expect("must align");
-    for ((off, sigma), largest) in found.into_iter().zip([0.4, 0.2, 0.6]) {
-        assert!(off.abs() < 3.0 * sigma && sigma < largest, "{found:?}");
+fn assert_errors_within_sigmas(simulation: &Simulation, limit_s: f64) {
+    let found = simulation.align(limit_s).expect("must align");
+    for ((error, sigma), largest) in found.into_iter().zip([0.4, 0.2, 0.6]) {
+        assert!(error.abs() < 3.0 * sigma && sigma < largest, "{found:?}");
     }
 }
 
 #[test]
-fn from_rest_and_in_motion() {
-    assert_honest(&Ride::new(from_rest), 60.0);
-    assert_honest(&Ride::new(bends), 60.0);
+fn aligns_from_rest_and_in_motion() {
+    assert_errors_within_sigmas(&Simulation::new(from_rest), 60.0);
+    assert_errors_within_sigmas(&Simulation::new(bends), 60.0);
 }
 
 #[test]
-fn in_any_mount() {
+fn aligns_in_any_mounting() {
     for (roll_rad, pitch_rad, heading_rad) in
         [(PI, 0.0, 0.0), (0.5 * PI, 0.3, 1.0), (0.2, -0.7, 3.0)]
     {
@@ -179,10 +184,10 @@ fn in_any_mount() {
             heading_rad,
         });
         for drive in [from_rest as Drive, bends] {
-            assert_honest(
-                &Ride {
+            assert_errors_within_sigmas(
+                &Simulation {
                     mount,
-                    ..Ride::new(drive)
+                    ..Simulation::new(drive)
                 },
                 90.0,
             );
@@ -191,27 +196,27 @@ fn in_any_mount() {
 }
 
 #[test]
-fn with_any_latency_and_late_arrival() {
+fn aligns_with_any_latency_and_late_arrival() {
     for latency_s in [-0.9, -0.5, 0.5, 0.9] {
         for arrival_s in [0.0, 0.9] {
-            let ride = Ride {
+            let simulation = Simulation {
                 latency_s,
                 arrival_s,
-                ..Ride::new(from_rest)
+                ..Simulation::new(from_rest)
             };
-            assert_honest(&ride, 60.0);
+            assert_errors_within_sigmas(&simulation, 60.0);
         }
     }
 }
 
 #[test]
-fn with_gyro_biases_of_degrees_a_second_in_motion() {
+fn aligns_in_motion_with_gyro_biases_of_degrees_per_second() {
     for bias in [[0.05, -0.03, 0.04], [-0.04, 0.06, -0.05]] {
-        let ride = Ride {
+        let simulation = Simulation {
             gyro_bias_radps: bias.into(),
-            ..Ride::new(bends)
+            ..Simulation::new(bends)
         };
-        assert_honest(&ride, 90.0);
+        assert_errors_within_sigmas(&simulation, 90.0);
     }
 }
 
@@ -226,36 +231,36 @@ fn motorway(time_s: f64) -> (f64, f64, f64, f64) {
     (0.3, 0.0, 26.3 + 0.7 * phase.cos(), -0.35 * PI * phase.sin())
 }
 
-/// A receiver on other satellites for half a second: GNSS velocity changes as the INS does not, whatever the
-/// heading. Taken for noisy measurements, they led to headings 25 to 150 degrees off with a sigma of 5.
+/// A receiver fault of half a second: GNSS velocity changes in a way that no heading explains. Treated as noise,
+/// such fixes gave heading errors of 25 to 150 degrees with a sigma of 5.
 #[test]
-fn with_a_burst_of_wrong_velocities() {
+fn aligns_despite_a_burst_of_wrong_velocities() {
     for start_s in [6.0, 15.0, 36.0, 40.0, 50.0] {
-        let ride = Ride {
+        let simulation = Simulation {
             wrong_s: start_s..start_s + 0.5,
-            ..Ride::new(motorway)
+            ..Simulation::new(motorway)
         };
-        assert_honest(&ride, 150.0);
+        assert_errors_within_sigmas(&simulation, 150.0);
     }
 }
 
 #[test]
-fn from_positions_alone_and_one_fix_a_second() {
+fn aligns_with_one_fix_per_second_and_without_velocities() {
     for velocity in [true, false] {
-        let ride = Ride {
+        let simulation = Simulation {
             velocity,
             fix_s: 1.0,
-            ..Ride::new(from_rest)
+            ..Simulation::new(from_rest)
         };
-        assert_honest(&ride, 150.0);
+        assert_errors_within_sigmas(&simulation, 150.0);
     }
 }
 
-/// It is said to be unknown, not guessed.
+/// Heading is unobservable then; alignment must not guess one.
 #[test]
-fn steady_motion_shows_no_heading() {
-    let ride = Ride::new(|_| (0.3, 0.0, 15.0, 0.0));
-    assert_eq!(ride.align(300.0), None);
-    let still = Ride::new(|_| (0.3, 0.0, 0.0, 0.0));
-    assert_eq!(still.align(300.0), None);
+fn no_heading_in_steady_motion() {
+    let simulation = Simulation::new(|_| (0.3, 0.0, 15.0, 0.0));
+    assert_eq!(simulation.align(300.0), None);
+    let stationary = Simulation::new(|_| (0.3, 0.0, 0.0, 0.0));
+    assert_eq!(stationary.align(300.0), None);
 }

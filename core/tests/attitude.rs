@@ -1,4 +1,4 @@
-//! Attitude: angles, matrix, and the signs of the turns.
+//! Attitude: angles, matrix, and the signs of rotations.
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods)]
 
@@ -10,12 +10,12 @@ use ins_core::mechanization::Mechanization;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
-fn at(attitude: &Euler) -> Mechanization {
+fn ins_with(attitude: &Euler) -> Mechanization {
     Mechanization::new(Geodetic::default(), Vector3::zeros(), from_euler(attitude))
 }
 
 #[test]
-fn the_axes_point_where_the_angles_say() {
+fn axes_of_the_euler_angles() {
     let c = |roll_deg: f64, pitch_deg: f64, heading_deg: f64| {
         matrix(&from_euler(&Euler {
             roll_rad: roll_deg.to_radians(),
@@ -23,19 +23,20 @@ fn the_axes_point_where_the_angles_say() {
             heading_rad: heading_deg.to_radians(),
         }))
     };
-    let near = |a: Vector3<f64>, b: [f64; 3]| assert!((a - Vector3::from(b)).norm() < 1e-15, "{a}");
+    let assert_near =
+        |a: Vector3<f64>, b: [f64; 3]| assert!((a - Vector3::from(b)).norm() < 1e-15, "{a}");
     // Heading east: forward points east, right south.
-    near(c(0.0, 0.0, 90.0) * Vector3::y(), [1.0, 0.0, 0.0]);
-    near(c(0.0, 0.0, 90.0) * Vector3::x(), [0.0, -1.0, 0.0]);
+    assert_near(c(0.0, 0.0, 90.0) * Vector3::y(), [1.0, 0.0, 0.0]);
+    assert_near(c(0.0, 0.0, 90.0) * Vector3::x(), [0.0, -1.0, 0.0]);
     // Nose up: forward points up.
-    near(c(0.0, 90.0, 0.0) * Vector3::y(), [0.0, 0.0, 1.0]);
+    assert_near(c(0.0, 90.0, 0.0) * Vector3::y(), [0.0, 0.0, 1.0]);
     // Right side down: right points down.
-    near(c(90.0, 0.0, 0.0) * Vector3::x(), [0.0, 0.0, -1.0]);
+    assert_near(c(90.0, 0.0, 0.0) * Vector3::x(), [0.0, 0.0, -1.0]);
 }
 
 proptest! {
     #[test]
-    fn angles_survive_the_way_there_and_back(
+    fn euler_angles_round_trip(
         roll_rad in -PI..PI,
         pitch_rad in -1.56..1.56_f64,
         heading_rad in -PI..PI,
@@ -59,13 +60,13 @@ proptest! {
     }
 
     #[test]
-    fn a_heading_turned_by_any_angle_is_that_much_more(
+    fn turn_heading_adds_to_the_heading(
         pitch_rad in -1.0..1.0_f64,
         heading_rad in -PI..PI,
         by_rad in -7.0..7.0_f64,
     ) {
         let angles = Euler { roll_rad: 0.3, pitch_rad, heading_rad };
-        let mut ins = at(&angles);
+        let mut ins = ins_with(&angles);
         ins.turn_heading(by_rad);
         let turned = euler(&ins.attitude);
         prop_assert!(wrap_pi(turned.heading_rad - heading_rad - by_rad).abs() < 1e-13);
@@ -74,13 +75,13 @@ proptest! {
 
     /// `C' = (I - [Phi x]) C`, up to the second order of `Phi`.
     #[test]
-    fn a_platform_turned_by_phi_is_off_by_phi(
+    fn turn_platform_rotates_by_minus_phi(
         phi in [-1e-4..1e-4_f64, -1e-4..1e-4, -1e-4..1e-4],
         heading_rad in -PI..PI,
     ) {
         let phi = Vector3::from(phi);
         let angles = Euler { roll_rad: -0.2, pitch_rad: 0.4, heading_rad };
-        let mut ins = at(&angles);
+        let mut ins = ins_with(&angles);
         let before = matrix(&ins.attitude);
         ins.turn_platform(&phi);
         let expected = (Matrix3::identity() - phi.cross_matrix()) * before;

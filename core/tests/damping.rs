@@ -1,4 +1,4 @@
-//! The damping loops have the poles that their bandwidth and damping ratio promise.
+//! The damping loops have the poles given by their bandwidth and damping ratio.
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)]
 
@@ -19,26 +19,25 @@ const PLACE: Geodetic = Geodetic {
 const IMU_S: f64 = 0.01;
 /// Ten fixes a second.
 const FIX_EVERY: u32 = 10;
-/// Three fixes are compared as one, once two moments of the ring, 0.11 s apart, lie after the last, a step
-/// with each of up to eight samples; their control is held for the three that follow: 0.2, 0.22, 0.08 and
-/// 0.3 s at most.
+/// Largest delay of the controls: averaging of three fixes, 0.2 s; two ring entries after the last one, 0.22 s;
+/// work spread over eight samples, 0.08 s; hold until the next three fixes, 0.3 s.
 const DELAY_S: f64 = 0.8;
-/// Of threes every other one is asked for its height.
+/// Every other average of three fixes corrects height.
 const HEIGHT_DELAY_S: f64 = DELAY_S + 0.6;
 
-/// By so much the receiver moves down: the INS is as much too high. After minutes of fixes without
-/// noise, ten metres would be refused.
-const SUNK_M: f64 = 1.0;
+/// Step of the measured height, downwards. The gate would reject ten metres after minutes of noise-free
+/// fixes.
+const HEIGHT_STEP_M: f64 = 1.0;
 
-/// A navigator that stands, levelled, heading north, with noise-free sensors.
-struct Standing {
+/// A stationary, levelled navigator heading north, with noise-free sensors.
+struct Stationary {
     navigator: Navigator,
     count: u32,
     with_up: bool,
     height_m: f64,
 }
 
-impl Standing {
+impl Stationary {
     fn new(config: &Config, with_up: bool) -> Self {
         let config = Config {
             imu_output: ImuOutput::Increments,
@@ -46,23 +45,23 @@ impl Standing {
             feedback: Feedback::Open,
             ..*config
         };
-        let mut standing = Self {
+        let mut stationary = Self {
             navigator: Navigator::new(config).unwrap(),
             count: 0,
             with_up,
             height_m: PLACE.height_m,
         };
-        while standing.navigator.phase() != Phase::Navigating {
-            standing.step(Vector3::zeros());
+        while stationary.navigator.phase() != Phase::Navigating {
+            stationary.step(Vector3::zeros());
         }
-        // Whatever the start has stirred has died out.
+        // Initial transients decay.
         for _ in 0..10_000 {
-            standing.step(Vector3::zeros());
+            stationary.step(Vector3::zeros());
         }
-        standing
+        stationary
     }
 
-    /// One sample, turned by `turn_rad` beyond what is true.
+    /// One sample with a gyro error of `turn_rad`.
     fn step(&mut self, turn_rad: Vector3<f64>) {
         let earth = LocalEarth::at(PLACE.latitude_rad, PLACE.height_m);
         self.count += 1;
@@ -93,7 +92,7 @@ impl Standing {
 }
 
 /// `exp(a t)`, by squaring a short step.
-fn flow(a: &Matrix2<f64>, t: f64) -> Matrix2<f64> {
+fn matrix_exponential(a: &Matrix2<f64>, t: f64) -> Matrix2<f64> {
     let short = a * (t / f64::from(1 << 20));
     let mut power = Matrix2::identity() + short + 0.5 * short * short;
     for _ in 0..20 {
@@ -102,40 +101,40 @@ fn flow(a: &Matrix2<f64>, t: f64) -> Matrix2<f64> {
     power
 }
 
-/// Follows one component for `seconds`, against the first of two states that start at `start` and
-/// grow by `a`. What grows at a rate is late by as much as that times the delay.
-fn follows(
-    mut standing: Standing,
+/// Compares the response of one component with the first state of `x' = a x`, `x(0) = start`. A delay causes
+/// an error of rate times delay.
+fn assert_response(
+    mut stationary: Stationary,
     observed: impl Fn(&Navigator) -> f64,
     a: &Matrix2<f64>,
     start: &Vector2<f64>,
     (w0, delay_s): (f64, f64),
 ) {
     let rate = w0.max(-a.trace());
-    let from = observed(&standing.navigator);
+    let from = observed(&stationary.navigator);
     let (mut largest, mut worst, mut last) = (0.0_f64, 0.0_f64, 0.0_f64);
     let times = (1..).map(|k| f64::from(k) * IMU_S);
     for t in times.take_while(|t| *t < 12.0 / w0) {
-        standing.step(Vector3::zeros());
-        let model = (flow(a, t) * start).x;
-        let off = observed(&standing.navigator) - from - (model - start.x);
-        (largest, worst) = (largest.max(model.abs()), worst.max(off.abs()));
-        last = off;
+        stationary.step(Vector3::zeros());
+        let model = (matrix_exponential(a, t) * start).x;
+        let error = observed(&stationary.navigator) - from - (model - start.x);
+        (largest, worst) = (largest.max(model.abs()), worst.max(error.abs()));
+        last = error;
     }
     assert!(
         worst < rate * delay_s * largest,
         "{worst} of {largest}, w0 {w0}"
     );
-    // A delay takes from the damping.
+    // The delay reduces the damping.
     let damping = -0.5 * a.trace() - 0.5 * w0 * w0 * delay_s;
-    let left = (-damping * 12.0 / w0).exp().max(0.01);
+    let remaining = (-damping * 12.0 / w0).exp().max(0.01);
     assert!(
-        last.abs() < left * largest,
-        "{last} of {largest} is left, w0 {w0}"
+        last.abs() < remaining * largest,
+        "{last} of {largest} remains, w0 {w0}"
     );
 }
 
-fn with(horizontal: SecondOrder, vertical: SecondOrder) -> Config {
+fn config_with(horizontal: SecondOrder, vertical: SecondOrder) -> Config {
     let mut config = Config::hg1700();
     config.damping.horizontal = horizontal;
     config.damping.vertical = vertical;
@@ -158,13 +157,13 @@ const LOOPS: [SecondOrder; 3] = [
 ];
 
 #[test]
-fn a_tilt_dies_out_with_the_horizontal_poles() {
+fn tilt_error_decays_with_the_horizontal_poles() {
     for (east, design) in [(true, LOOPS[0]), (false, LOOPS[1]), (true, LOOPS[2])] {
-        let mut standing = Standing::new(&with(design, LOOPS[2]), true);
-        // A turn of the gyros that did not happen: `Phi` of the platform the other way.
+        let mut stationary = Stationary::new(&config_with(design, LOOPS[2]), true);
+        // A false gyro increment tilts the platform by `Phi` the other way.
         let phi = 1e-3;
         let axis = if east { Vector3::y() } else { Vector3::x() };
-        standing.step(-phi * axis);
+        stationary.step(-phi * axis);
         let (w0, zeta, g) = (
             design.bandwidth_radps,
             design.damping_ratio,
@@ -177,8 +176,8 @@ fn a_tilt_dies_out_with_the_horizontal_poles() {
             let v = navigator.mechanization().unwrap().velocity_enu_mps;
             if east { v.x } else { v.y }
         };
-        follows(
-            standing,
+        assert_response(
+            stationary,
             velocity,
             &a,
             &Vector2::new(0.0, phi),
@@ -189,34 +188,34 @@ fn a_tilt_dies_out_with_the_horizontal_poles() {
 
 #[cfg(feature = "literal")]
 #[test]
-fn a_height_dies_out_with_the_vertical_poles() {
+fn height_error_decays_with_the_vertical_poles() {
     for design in LOOPS {
-        // The exact form finds a vertical velocity from heights, and damps by that.
+        // The exact form estimates vertical velocity from heights and damps with that.
         let config = Config {
             form: Form::Literal,
-            ..with(LOOPS[0], design)
+            ..config_with(LOOPS[0], design)
         };
-        let mut standing = Standing::new(&config, false);
-        standing.height_m -= SUNK_M;
+        let mut stationary = Stationary::new(&config, false);
+        stationary.height_m -= HEIGHT_STEP_M;
         let (w0, zeta) = (design.bandwidth_radps, design.damping_ratio);
         // States dh and dV: dh' = dV - C1 dh, dV' = -C2 dh.
         let a = Matrix2::new(-2.0 * zeta * w0, 1.0, -w0 * w0, 0.0);
         let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
-        let sunk = Vector2::new(SUNK_M, 0.0);
-        follows(standing, height, &a, &sunk, (w0, HEIGHT_DELAY_S));
+        let initial_error = Vector2::new(HEIGHT_STEP_M, 0.0);
+        assert_response(stationary, height, &a, &initial_error, (w0, HEIGHT_DELAY_S));
     }
 }
 
 #[test]
-fn with_vertical_velocity_height_follows_the_position_loop() {
+fn height_error_decays_with_the_position_loop_if_vertical_velocity_is_aided() {
     let design = LOOPS[1];
-    let mut standing = Standing::new(&with(LOOPS[0], design), true);
-    standing.height_m -= SUNK_M;
+    let mut stationary = Stationary::new(&config_with(LOOPS[0], design), true);
+    stationary.height_m -= HEIGHT_STEP_M;
     let c1 = 2.0 * design.damping_ratio * design.bandwidth_radps;
     let p = Config::hg1700().damping.position_radps;
     // dh' = dV - p dh, dV' = -C1 dV - p^2 dh.
     let a = Matrix2::new(-p, 1.0, -p * p, -c1);
     let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
-    let sunk = Vector2::new(SUNK_M, 0.0);
-    follows(standing, height, &a, &sunk, (p, HEIGHT_DELAY_S));
+    let initial_error = Vector2::new(HEIGHT_STEP_M, 0.0);
+    assert_response(stationary, height, &a, &initial_error, (p, HEIGHT_DELAY_S));
 }

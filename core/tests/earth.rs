@@ -13,21 +13,21 @@ use proptest::prelude::*;
 const SEMI_MINOR_AXIS_M: f64 = 6_356_752.314_2;
 const POLAR_RADIUS_M: f64 = 6_399_593.625_8;
 
-fn near(value: f64, expected: f64, tolerance: f64) {
+fn assert_near(value: f64, expected: f64, tolerance: f64) {
     assert!((value - expected).abs() < tolerance, "{value} {expected}");
 }
 
 #[test]
-fn radii_are_those_of_the_published_ellipsoid() {
+fn radii_match_the_published_ellipsoid() {
     let equator = LocalEarth::at(0.0, 0.0);
     let pole = LocalEarth::at(FRAC_PI_2, 0.0);
     let (a, b) = (SEMI_MAJOR_AXIS_M, SEMI_MINOR_AXIS_M);
     // To the tenth of a millimetre that the table prints.
-    near(equator.east_radius_m, a, 1e-4);
-    near(equator.north_radius_m, b * b / a, 2e-4);
-    near(pole.east_radius_m, POLAR_RADIUS_M, 1e-4);
-    near(pole.north_radius_m, POLAR_RADIUS_M, 1e-4);
-    near(
+    assert_near(equator.east_radius_m, a, 1e-4);
+    assert_near(equator.north_radius_m, b * b / a, 2e-4);
+    assert_near(pole.east_radius_m, POLAR_RADIUS_M, 1e-4);
+    assert_near(pole.north_radius_m, POLAR_RADIUS_M, 1e-4);
+    assert_near(
         LocalEarth::at(0.7, 250.0).east_radius_m - LocalEarth::at(0.7, 0.0).east_radius_m,
         250.0,
         1e-8,
@@ -35,7 +35,7 @@ fn radii_are_those_of_the_published_ellipsoid() {
 }
 
 #[test]
-fn a_quarter_meridian_is_as_long_as_it_is() {
+fn meridian_radius_integrates_to_the_quarter_meridian() {
     // 10 001 965.729 m for WGS 84; Simpson's rule over 1000 steps leaves less than a micrometre.
     let steps = 1000;
     let h = FRAC_PI_2 / f64::from(steps);
@@ -50,11 +50,11 @@ fn a_quarter_meridian_is_as_long_as_it_is() {
             weight * LocalEarth::at(f64::from(k) * h, 0.0).north_radius_m
         })
         .sum();
-    near(sum * h / 3.0, 10_001_965.729, 1e-3);
+    assert_near(sum * h / 3.0, 10_001_965.729, 1e-3);
 }
 
 #[test]
-fn gravity_has_the_published_values() {
+fn gravity_matches_the_published_values() {
     // WGS 84 normal gravity at the equator, at 45 degrees and at the poles, m/s^2.
     for latitude in [0.0, 1.0, -1.0] {
         let expected = if latitude == 0.0 {
@@ -62,18 +62,18 @@ fn gravity_has_the_published_values() {
         } else {
             9.832_184_937_8
         };
-        near(
+        assert_near(
             LocalEarth::at(latitude * FRAC_PI_2, 0.0).gravity_mps2,
             expected,
             1e-10,
         );
     }
-    near(
+    assert_near(
         LocalEarth::at(FRAC_PI_4, 0.0).gravity_mps2,
         9.806_197_769,
         1e-8,
     );
-    near(
+    assert_near(
         LocalEarth::at(-FRAC_PI_4, 0.0).gravity_mps2,
         9.806_197_769,
         1e-8,
@@ -111,51 +111,51 @@ fn exact_gravity(latitude_rad: f64, height_m: f64) -> f64 {
 }
 
 #[test]
-fn gravity_falls_with_height_as_the_potential_says() {
+fn gravity_with_height_matches_the_potential() {
     for latitude in [0.0, 0.5, -1.0, 1.5] {
         for height in [-400.0_f64, 0.0, 3_000.0, 12_000.0, 30_000.0] {
             let series = LocalEarth::at(latitude, height).gravity_mps2;
             let exact = exact_gravity(latitude, height);
-            // The series drops f^2 in its linear term, 1.2e-10 per metre, and the third order,
+            // The series omits f^2 in its linear term, 1.2e-10 per metre, and the third order,
             // 4 g (h/a)^3.
-            let dropped =
+            let truncation =
                 1.2e-10 * height.abs() + 40.0 * (height / SEMI_MAJOR_AXIS_M).abs().powi(3);
-            near(series, exact, 3e-10 + dropped);
+            assert_near(series, exact, 3e-10 + truncation);
         }
     }
 }
 
 #[test]
-fn a_frame_turns_with_the_earth_and_along_it() {
+fn earth_rate_and_transport_rate() {
     let latitude = 0.9;
     let earth = LocalEarth::at(latitude, 100.0);
     let rate = earth.earth_rate();
-    // 15.041 deg/h in all, none of it about east.
-    near(rate.norm().to_degrees() * 3600.0, 15.041_067, 1e-5);
-    near(rate.z / rate.y, latitude.tan(), 1e-12);
-    near(rate.x, 0.0, 1e-20);
-    // Once round the parallel turns the frame about the Earth's axis once.
+    // 15.041 deg/h in all, none about east.
+    assert_near(rate.norm().to_degrees() * 3600.0, 15.041_067, 1e-5);
+    assert_near(rate.z / rate.y, latitude.tan(), 1e-12);
+    assert_near(rate.x, 0.0, 1e-20);
+    // East at one radius a second: the frame turns about the Earth's axis at 1 rad/s.
     let radius = earth.east_radius_m * latitude.cos();
     let eastwards = earth.transport_rate(&Vector3::new(radius, 0.0, 5.0));
-    near(
+    assert_near(
         (eastwards - Vector3::new(0.0, latitude.cos(), latitude.sin())).norm(),
         0.0,
         1e-12,
     );
     // Northwards about the west axis.
     let northwards = earth.transport_rate(&Vector3::new(0.0, earth.north_radius_m, 5.0));
-    near(
+    assert_near(
         (northwards - Vector3::new(-1.0, 0.0, 0.0)).norm(),
         0.0,
         1e-12,
     );
-    // Nothing becomes infinite at the pole itself.
+    // Finite at the pole.
     let pole = LocalEarth::at(FRAC_PI_2, 0.0);
     assert!(pole.transport_rate(&Vector3::new(300.0, 300.0, 0.0)).norm() < 0.1);
 }
 
 #[test]
-fn metres_between_points_cross_the_date_line() {
+fn enu_difference_across_the_date_line() {
     let at = |latitude_rad, longitude_rad, height_m| Geodetic {
         latitude_rad,
         longitude_rad,
@@ -166,31 +166,31 @@ fn metres_between_points_cross_the_date_line() {
     let enu = to.enu_from(&from);
     let earth = LocalEarth::at(0.9, 100.0);
     // Radii change by 1e-7 on 60 m.
-    near(enu.x, 2e-5 * earth.east_radius_m * 0.9_f64.cos(), 2e-3);
-    near(enu.y, 1e-5 * earth.north_radius_m, 1e-4);
-    near(enu.z, 30.0, 1e-12);
+    assert_near(enu.x, 2e-5 * earth.east_radius_m * 0.9_f64.cos(), 2e-3);
+    assert_near(enu.y, 1e-5 * earth.north_radius_m, 1e-4);
+    assert_near(enu.z, 30.0, 1e-12);
     assert!((from.enu_from(&to) + enu).norm() < 1e-3);
 }
 
 #[test]
-fn angles_wrap() {
-    near(wrap_pi(0.3), 0.3, 1e-16);
-    near(wrap_pi(PI + 0.1), 0.1 - PI, 1e-15);
-    near(wrap_pi(-PI - 0.1), PI - 0.1, 1e-15);
-    near(wrap_pi(5.0 * TAU - 0.2), -0.2, 1e-14);
+fn wrap_pi_reference_values() {
+    assert_near(wrap_pi(0.3), 0.3, 1e-16);
+    assert_near(wrap_pi(PI + 0.1), 0.1 - PI, 1e-15);
+    assert_near(wrap_pi(-PI - 0.1), PI - 0.1, 1e-15);
+    assert_near(wrap_pi(5.0 * TAU - 0.2), -0.2, 1e-14);
 }
 
 proptest! {
     #[test]
-    fn an_angle_stays_the_same_angle(turns in -50_i32..50, part in -0.499_f64..0.499) {
+    fn wrapping_changes_an_angle_by_whole_turns_only(turns in -50_i32..50, part in -0.499_f64..0.499) {
         let wrapped = wrap_pi((f64::from(turns) + part) * TAU);
         // 50 turns are 314 rad: 6e-14 of rounding.
         prop_assert!((wrapped - part * TAU).abs() < 1e-13);
     }
 
-    /// Microseconds are kept exactly; differences of any two stamps are finite and ordered.
+    /// For any two times; microseconds are exact.
     #[test]
-    fn stamps_keep_microseconds(a in any::<i64>(), b in any::<i64>()) {
+    fn time_differences_are_finite_and_ordered(a in any::<i64>(), b in any::<i64>()) {
         let (first, second) = (Time::from_micros(a), Time::from_micros(b));
         let seconds = second.seconds_since(first);
         prop_assert_eq!(seconds > 0.0, b > a);
@@ -199,7 +199,7 @@ proptest! {
     }
 
     #[test]
-    fn seconds_survive_the_way_there_and_back(micros in -1_000_000_000_000_000_i64..1_000_000_000_000_000) {
+    fn seconds_round_trip(micros in -1_000_000_000_000_000_i64..1_000_000_000_000_000) {
         let time = Time::from_micros(micros);
         // 1e9 s has steps of 1e-7 s in f64, a tenth of a microsecond.
         prop_assert_eq!(Time::from_seconds(time.as_seconds()).unwrap(), time);
@@ -207,7 +207,7 @@ proptest! {
 }
 
 #[test]
-fn stamps_of_nonsense_are_refused_or_saturate() {
+fn invalid_times_are_rejected_or_saturate() {
     for seconds in [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300, 1.1e12] {
         assert_eq!(Time::from_seconds(seconds), None, "{seconds}");
     }

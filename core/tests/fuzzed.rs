@@ -1,4 +1,4 @@
-//! Sequences that a fuzzer has found: once they made numbers infinite.
+//! Input sequences found by a fuzzer, which once led to infinite numbers, and random variations of them.
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::eq_op)]
 
@@ -9,24 +9,24 @@ use ins_core::{
 };
 use proptest::prelude::*;
 
-/// Octets that stand for inputs, of any kind and in any order.
-struct Octets<'a>(&'a [u8]);
+/// Bytes decoded as inputs of any kind, in any order.
+struct Bytes<'a>(&'a [u8]);
 
-impl Octets<'_> {
-    fn whole(&self, at: usize) -> i16 {
+impl Bytes<'_> {
+    fn i16_at(&self, at: usize) -> i16 {
         i16::from_le_bytes([self.0[at], self.0[at + 1]])
     }
 
-    fn eight(&self, at: usize) -> [u8; 8] {
+    fn eight_bytes(&self, at: usize) -> [u8; 8] {
         self.0[at..at + 8].try_into().unwrap()
     }
 
     /// Any number at all, or one of a credible size.
-    fn number(&self, at: usize) -> f64 {
+    fn number_at(&self, at: usize) -> f64 {
         match self.0[at] % 4 {
-            0 => f64::from_le_bytes(self.eight(at + 1)),
-            1 => f64::from(self.whole(at + 1)) / 1000.0,
-            2 => f64::from(self.whole(at + 1)) / 10.0,
+            0 => f64::from_le_bytes(self.eight_bytes(at + 1)),
+            1 => f64::from(self.i16_at(at + 1)) / 1000.0,
+            2 => f64::from(self.i16_at(at + 1)) / 10.0,
             _ => f64::from(self.0[at + 1].cast_signed()),
         }
     }
@@ -35,9 +35,9 @@ impl Octets<'_> {
         self.0[at] >> bit & 1 != 0
     }
 
-    /// A number that is there if its bit is clear.
+    /// A number that is present if its bit is clear.
     fn optional(&self, bit: u8, at: usize) -> Option<f64> {
-        (!self.bit(9, bit)).then(|| self.number(at))
+        (!self.bit(9, bit)).then(|| self.number_at(at))
     }
 
     fn config(&self) -> Config {
@@ -63,7 +63,7 @@ impl Octets<'_> {
     }
 
     fn sample(&self, time: Time) -> ImuSample {
-        let [gx, gy, gz, ax, ay, az] = [3, 7, 9, 11, 13, 15].map(|at| self.number(at));
+        let [gx, gy, gz, ax, ay, az] = [3, 7, 9, 11, 13, 15].map(|at| self.number_at(at));
         ImuSample {
             time,
             gyro: [gx, gy, gz].into(),
@@ -72,15 +72,16 @@ impl Octets<'_> {
     }
 
     fn fix(&self, time: Time) -> GnssFix {
-        let place = !self.bit(9, 0);
+        let has_position = !self.bit(9, 0);
         GnssFix {
             time,
-            position: place.then(|| LatLon {
-                latitude_rad: self.number(10),
-                longitude_rad: self.number(12),
+            position: has_position.then(|| LatLon {
+                latitude_rad: self.number_at(10),
+                longitude_rad: self.number_at(12),
             }),
-            height_m: place.then(|| self.number(14)),
-            velocity_en_mps: (!self.bit(9, 1)).then(|| [self.number(16), self.number(18)].into()),
+            height_m: has_position.then(|| self.number_at(14)),
+            velocity_en_mps: (!self.bit(9, 1))
+                .then(|| [self.number_at(16), self.number_at(18)].into()),
             velocity_up_mps: self.optional(2, 19),
             sigma: FixSigma {
                 velocity_mps: self.optional(3, 20),
@@ -89,11 +90,11 @@ impl Octets<'_> {
         }
     }
 
-    /// Microseconds since the stamp before: back, forward, none or far, else those of a sample.
+    /// Microseconds since the last time stamp: backward, forward, none, far forward, or the sampling interval.
     fn step(&self) -> i64 {
-        let unsigned = i64::from(self.whole(1).cast_unsigned());
+        let unsigned = i64::from(self.i16_at(1).cast_unsigned());
         match self.0[0] % 8 {
-            0 => -1000 * i64::from(self.whole(1)),
+            0 => -1000 * i64::from(self.i16_at(1)),
             1 => 100 * unsigned,
             2 => 0,
             3 => 100_000 * unsigned,
@@ -102,8 +103,8 @@ impl Octets<'_> {
     }
 }
 
-fn assert_sound(navigator: &Navigator) {
-    // A NaN is not equal to itself.
+fn assert_finite(navigator: &Navigator) {
+    // False if there is a NaN.
     assert!(navigator == navigator);
     let health = navigator.health();
     assert!(health == health, "{health:?}");
@@ -111,14 +112,18 @@ fn assert_sound(navigator: &Navigator) {
         let numbers = motion.rate_radps.iter().chain(motion.force_mps2.iter());
         assert!(numbers.clone().all(|x| x.is_finite()), "{motion:?}");
     }
-    let kept = navigator.calibration();
-    let warm = Navigator::warm(*navigator.config(), &kept);
-    assert!(warm.is_ok(), "{kept:?}");
+    let calibration = navigator.calibration();
+    let warm = Navigator::warm(*navigator.config(), &calibration);
+    assert!(warm.is_ok(), "{calibration:?}");
     if let Some(solution) = navigator.solution() {
-        let place = solution.position;
-        let numbers = [place.latitude_rad, place.longitude_rad, place.height_m];
+        let position = solution.position;
+        let numbers = [
+            position.latitude_rad,
+            position.longitude_rad,
+            position.height_m,
+        ];
         assert!(numbers.iter().all(|x| x.is_finite()), "{solution:?}");
-        assert!(place.latitude_rad.abs() <= core::f64::consts::FRAC_PI_2);
+        assert!(position.latitude_rad.abs() <= core::f64::consts::FRAC_PI_2);
         let velocity = solution.velocity_enu_mps;
         assert!(velocity.iter().all(|v| v.is_finite()), "{solution:?}");
         assert!((solution.attitude.norm() - 1.0).abs() < 1e-6);
@@ -151,15 +156,15 @@ fn assert_sound(navigator: &Navigator) {
     );
 }
 
-/// The first octet chooses the configuration; each 32 that follow are a sample, repeated, or a fix.
-fn feed(octets: &[u8]) {
-    let mut navigator = Navigator::new(Octets(octets).config()).unwrap();
+/// The first byte selects the configuration; each 32 that follow are a fix or a sample, repeated.
+fn run(bytes: &[u8]) {
+    let mut navigator = Navigator::new(Bytes(bytes).config()).unwrap();
     let mut micros = 0_i64;
-    for chunk in octets[1..].chunks_exact(32) {
-        let (kind, rest) = (chunk[0], Octets(&chunk[1..]));
+    for chunk in bytes[1..].chunks_exact(32) {
+        let (kind, rest) = (chunk[0], Bytes(&chunk[1..]));
         micros = micros.saturating_add(rest.step());
         let stamp = if rest.0[0] == 255 {
-            i64::from_le_bytes(rest.eight(1))
+            i64::from_le_bytes(rest.eight_bytes(1))
         } else {
             micros
         };
@@ -167,15 +172,15 @@ fn feed(octets: &[u8]) {
         if kind.is_multiple_of(5) {
             let _ = navigator.on_heading(&Heading {
                 time,
-                heading_rad: rest.number(10),
-                sigma_rad: rest.number(12),
+                heading_rad: rest.number_at(10),
+                sigma_rad: rest.number_at(12),
             });
         }
         if kind.is_multiple_of(7) {
             let _ = navigator.on_baro(&BaroHeight {
                 time,
-                height_m: rest.number(10),
-                sigma_m: rest.number(12),
+                height_m: rest.number_at(10),
+                sigma_m: rest.number_at(12),
             });
         }
         if kind.is_multiple_of(3) {
@@ -189,60 +194,60 @@ fn feed(octets: &[u8]) {
                 let _ = navigator.on_imu(&ImuSample { time, ..sample });
             }
         }
-        assert_sound(&navigator);
+        assert_finite(&navigator);
     }
 }
 
 const LATENCY: &[u8] = include_bytes!("fuzzed/latency_not_finite.bin");
 
 #[test]
-fn a_latency_stays_finite() {
-    feed(LATENCY);
+fn latency_stays_finite() {
+    run(LATENCY);
 }
 
 /// Half a minute at rest: ten fixes a second and a hundred samples, all of them zero.
 fn at_rest() -> Vec<u8> {
-    let mut octets = vec![0];
+    let mut bytes = vec![0];
     for _ in 0..300 {
-        // At once, all parts there but the sigma.
+        // No time step; all components but the sigma.
         let mut fix = [0; 32];
         (fix[1], fix[10]) = (2, 8);
         for (at, kind) in [(10, 3), (12, 3), (14, 3), (16, 3), (18, 1), (19, 3)] {
             fix[at + 1] = kind;
         }
-        octets.extend(fix);
+        bytes.extend(fix);
         let mut sample = [0; 32];
         (sample[0], sample[1]) = (4 * 9 + 1, 4);
         for at in [3, 7, 9, 11, 13, 15] {
             sample[at + 1] = 3;
         }
-        octets.extend(sample);
+        bytes.extend(sample);
     }
-    octets
+    bytes
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Whatever is changed in what it is given, in one octet or in a whole input.
+    /// Random changes of single bytes and of whole inputs.
     #[test]
-    fn nothing_that_is_given_to_it_makes_a_number_infinite(
+    fn no_input_leads_to_infinite_numbers(
         config in any::<u8>(),
         fuzzed in any::<bool>(),
-        octets in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..60),
+        bytes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..60),
         inputs in prop::collection::vec((any::<prop::sample::Index>(), any::<[u8; 32]>()), 0..20),
     ) {
         let mut sequence = if fuzzed { LATENCY.to_vec() } else { at_rest() };
         sequence[0] = config;
         let count = sequence.len() / 32;
-        for (place, input) in inputs {
-            let at = 1 + 32 * place.index(count);
+        for (index, input) in inputs {
+            let at = 1 + 32 * index.index(count);
             sequence[at..at + 32].copy_from_slice(&input);
         }
-        for (place, octet) in octets {
-            let at = place.index(sequence.len());
-            sequence[at] = octet;
+        for (index, byte) in bytes {
+            let at = index.index(sequence.len());
+            sequence[at] = byte;
         }
-        feed(&sequence);
+        run(&sequence);
     }
 }

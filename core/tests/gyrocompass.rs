@@ -1,5 +1,5 @@
-//! A ring laser unit that stands: the heading that its gyrocompass leaves is as far off as its gyros are, and no fix
-//! tells one from the other.
+//! Gyrocompassing with a ring laser unit at rest: its heading error is correlated with the gyro biases, and no fix
+//! separates them.
 #![allow(
     clippy::disallowed_methods,
     clippy::unwrap_used,
@@ -23,8 +23,8 @@ const PLACE: Geodetic = Geodetic {
     height_m: 100.0,
 };
 
-/// One unit of the class, standing with a heading for four minutes: its heading error in its sigma.
-fn stood(seed: u32, heading_rad: f64) -> f64 {
+/// One unit of the class at rest for four minutes: its heading error in sigmas.
+fn normalized_heading_error(seed: u32, heading_rad: f64) -> f64 {
     let mut deviates = Deviates(u64::from(seed));
     let mut noise = |sigma: f64| {
         let three = [0, 1, 2].map(|_| f64::from(deviates.next()));
@@ -42,11 +42,11 @@ fn stood(seed: u32, heading_rad: f64) -> f64 {
     for step in 1..=12_000 {
         let time = Time::from_seconds(STEP_S * f64::from(step)).unwrap();
         if step % 50 == 0 {
-            let off_mps = noise(0.05);
+            let error_mps = noise(0.05);
             let fix = GnssFix {
                 time,
-                velocity_en_mps: Some(Vector2::new(off_mps.x, off_mps.y)),
-                velocity_up_mps: Some(off_mps.z),
+                velocity_en_mps: Some(Vector2::new(error_mps.x, error_mps.y)),
+                velocity_up_mps: Some(error_mps.z),
                 ..GnssFix::default()
             };
             let _ = navigator.on_gnss(&fix.at(&PLACE));
@@ -57,20 +57,20 @@ fn stood(seed: u32, heading_rad: f64) -> f64 {
             accel: force + noise(s.accel_noise[0] / per_sample),
         });
     }
-    let off_rad = wrap_pi(navigator.solution().unwrap().euler().heading_rad - heading_rad);
+    let error_rad = wrap_pi(navigator.solution().unwrap().euler().heading_rad - heading_rad);
     let sigma_rad = navigator.sigma().unwrap().attitude_rad.z;
-    off_rad / sigma_rad
+    error_rad / sigma_rad
 }
 
 #[test]
-fn a_bias_that_is_in_the_attitude_is_not_seen() {
+fn heading_sigma_after_gyrocompassing_covers_the_error() {
     let units = 150;
     let squares = (0..units).map(|unit| {
-        let turned = TAU * f64::from(unit) / f64::from(units);
-        stood(unit, turned).powi(2)
+        let heading_rad = TAU * f64::from(unit) / f64::from(units);
+        normalized_heading_error(unit, heading_rad).powi(2)
     });
     let mean = squares.sum::<f64>() / f64::from(units);
-    // Three sigmas of a mean of so many squares; without the correlation it was 1.63.
-    let chance = 3.0 * (2.0 / f64::from(units)).sqrt();
-    assert!((mean - 1.0).abs() < chance, "{mean}");
+    // Three sigmas of the mean of squares; without the correlation it was 1.63.
+    let tolerance = 3.0 * (2.0 / f64::from(units)).sqrt();
+    assert!((mean - 1.0).abs() < tolerance, "{mean}");
 }

@@ -10,7 +10,7 @@ use ins_core::mechanization::{Controls, Mechanization};
 use ins_core::{ImuOutput, ImuSample, Time};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// What increments sensed over an interval, or rates at its end; x, y, z.
+/// Gyro and accelerometer: increments of an interval, or rates at its end; x, y, z.
 type Reading = (Vector3<f64>, Vector3<f64>);
 
 fn sample((gyro, accel): Reading) -> ImuSample {
@@ -21,7 +21,7 @@ fn sample((gyro, accel): Reading) -> ImuSample {
     }
 }
 
-/// `count` intervals of `h` through [`Increments`].
+/// Output of [`Increments`] for `count` intervals of `h`.
 fn intervals(
     output: ImuOutput,
     h: f64,
@@ -37,22 +37,22 @@ fn intervals(
         .collect()
 }
 
-/// What a two-sample algorithm leaves of the product of two oscillations 90 degrees apart, of
-/// unit amplitude, in one interval of phase `l`: exact `(l - sin l)/2` less the algorithm's
-/// `|x_k-1 x x_k|/12`. For small phases `l^5/60`; without the term it would be `l^3/12`.
+/// Residual of a two-sample algorithm for two oscillations of unit amplitude, 90 degrees apart, in one
+/// interval of phase `l`: exact `(l - sin l)/2` less the algorithm's `|x_k-1 x x_k|/12`. For small phases
+/// `l^5/60`; without the term it would be `l^3/12`.
 fn two_sample_residual(l: f64) -> f64 {
     0.5 * (l - l.sin()) - (l.sin() - 0.5 * (2.0 * l).sin()) / 6.0
 }
 
-/// Attitude `[cos a/2, 0, sin a/2 cos wt, sin a/2 sin wt]`: no axis comes back with the sum of
-/// its increments. Body rate `[-2 w sin^2 a/2, -w sin a sin wt, w sin a cos wt]`.
+/// Attitude `[cos a/2, 0, sin a/2 cos wt, sin a/2 sin wt]`, body rate
+/// `[-2 w sin^2 a/2, -w sin a sin wt, w sin a cos wt]`.
 #[derive(Clone, Copy)]
-struct Cone {
+struct ConingMotion {
     angle_rad: f64,
     rate_radps: f64,
 }
 
-impl Cone {
+impl ConingMotion {
     fn attitude(&self, t: f64) -> UnitQuaternion<f64> {
         let (s, c) = (0.5 * self.angle_rad).sin_cos();
         let (sp, cp) = (self.rate_radps * t).sin_cos();
@@ -91,67 +91,70 @@ impl Cone {
 }
 
 #[test]
-fn coning_leaves_what_the_two_sample_algorithm_must_leave() {
+fn coning_error_equals_the_two_sample_residual() {
     // 5 and 10 Hz, sampled at 100 Hz; 200 s are whole periods.
     for hz in [5.0, 10.0] {
-        let cone = Cone {
+        let coning = ConingMotion {
             angle_rad: 0.01,
             rate_radps: TAU * hz,
         };
-        let (h, a2) = (0.01, cone.angle_rad * cone.angle_rad);
+        let (h, a2) = (0.01, coning.angle_rad * coning.angle_rad);
         let motion = intervals(ImuOutput::Increments, h, 20_000, |a, b| {
-            cone.increment(a, b)
+            coning.increment(a, b)
         });
-        let phase = cone.rate_radps * h;
+        let phase = coning.rate_radps * h;
         let expected = -a2 * two_sample_residual(phase);
-        let drift = cone.drift(&motion, Interval::rotation_rad);
-        // Terms of fourth order in the angle: 1e-4 of the second ones before compensation.
-        let rest = 1e-4 * a2 * phase.powi(3);
+        let drift = coning.drift(&motion, Interval::rotation_rad);
+        // Fourth-order terms in the angle: 1e-4 of the second-order ones before compensation.
+        let tolerance = 1e-4 * a2 * phase.powi(3);
         assert!(
-            (drift - expected).abs() < rest,
+            (drift - expected).abs() < tolerance,
             "{hz} Hz: {drift} {expected}"
         );
         // Without the term it is 50 and 13 times as much.
-        let without = cone.drift(&motion, |i| i.angle_rad);
+        let uncompensated = coning.drift(&motion, |i| i.angle_rad);
         let expected = -0.5 * a2 * (phase - phase.sin());
-        assert!((without - expected).abs() < rest, "{without} {expected}");
+        assert!(
+            (uncompensated - expected).abs() < tolerance,
+            "{uncompensated} {expected}"
+        );
     }
 }
 
 #[test]
-fn coning_of_rates_leaves_what_a_parabola_must_leave() {
-    let cone = Cone {
+fn coning_error_of_rates_equals_the_parabola_residual() {
+    let coning = ConingMotion {
         angle_rad: 0.01,
         rate_radps: TAU * 5.0,
     };
-    let (h, a2) = (0.01, cone.angle_rad * cone.angle_rad);
-    let motion = intervals(ImuOutput::Rates, h, 20_000, |_, b| cone.rate(b));
-    // The parabola through three readings makes the cone narrower by the gain of its weights,
-    // h (-1, 8, 5) / 12, on a turning phase: a polygon of that radius, the coning term of the
-    // readings, and the axial rate.
-    let l = cone.rate_radps * h;
+    let (h, a2) = (0.01, coning.angle_rad * coning.angle_rad);
+    let motion = intervals(ImuOutput::Rates, h, 20_000, |_, b| coning.rate(b));
+    // The parabola through three readings, with weights h (-1, 8, 5) / 12, reduces the radius of the
+    // cone by their gain at this frequency: area of a polygon of that radius, coning term of the
+    // readings, and axial rate.
+    let l = coning.rate_radps * h;
     let weights = (8.0 + 4.0 * l.cos()).hypot(6.0 * l.sin()) / 12.0;
-    let narrow = weights * l / (2.0 * (0.5 * l).sin());
-    let expected = a2 * (0.5 * narrow * narrow * l.sin() + l * l * l.sin() / 12.0 - 0.5 * l);
-    let drift = cone.drift(&motion, Interval::rotation_rad);
+    let radius = weights * l / (2.0 * (0.5 * l).sin());
+    let expected = a2 * (0.5 * radius * radius * l.sin() + l * l * l.sin() / 12.0 - 0.5 * l);
+    let drift = coning.drift(&motion, Interval::rotation_rad);
     assert!(
         (drift - expected).abs() < 1e-4 * a2 * l.powi(3),
         "{drift} {expected}"
     );
-    // No coning term would leave over thirty times as much.
-    let without = cone.drift(&motion, |i| i.angle_rad);
-    assert!(without / drift > 30.0, "{without} {drift}");
+    // Without the coning term the error is over thirty times as large.
+    let uncompensated = coning.drift(&motion, |i| i.angle_rad);
+    assert!(uncompensated / drift > 30.0, "{uncompensated} {drift}");
 }
 
-/// Oscillation about x and, in phase, along y: `x = A sin wt`, `f_y = B sin wt`. In the axes of
-/// the start the mean force along z is `B J1(A)`, along y nothing.
-struct Scull {
+/// Oscillation about x and, in phase, along y: `x = A sin wt`, `f_y = B sin wt`. In the initial
+/// axes the mean force along z is `B J1(A)`, along y nothing.
+struct ScullingMotion {
     angle_rad: f64,
     force_mps2: f64,
     rate_radps: f64,
 }
 
-impl Scull {
+impl ScullingMotion {
     fn angle(&self, t: f64) -> f64 {
         self.angle_rad * (self.rate_radps * t).sin()
     }
@@ -167,41 +170,41 @@ impl Scull {
 }
 
 #[test]
-fn sculling_gains_the_velocity_of_the_closed_form() {
-    let scull = Scull {
+fn sculling_matches_the_closed_form() {
+    let sculling = ScullingMotion {
         angle_rad: 0.02,
         force_mps2: 20.0,
         rate_radps: TAU * 5.0,
     };
     let (h, count) = (0.01, 20_000);
     let motion = intervals(ImuOutput::Increments, h, count, |a, b| {
-        scull.increment(a, b)
+        sculling.increment(a, b)
     });
     let gained = |velocity: fn(&Interval) -> Vector3<f64>| {
         let (mut sum, mut t) = (Vector3::zeros(), 0.0);
         for interval in &motion {
-            let attitude = UnitQuaternion::from_scaled_axis(Vector3::x() * scull.angle(t));
+            let attitude = UnitQuaternion::from_scaled_axis(Vector3::x() * sculling.angle(t));
             sum += attitude * velocity(interval);
             t += h;
         }
         sum / f64::from(count)
     };
-    let a = scull.angle_rad;
+    let a = sculling.angle_rad;
     let bessel = a / 2.0 - a.powi(3) / 16.0;
-    let truth = Vector3::new(0.0, 0.0, scull.force_mps2 * bessel * h);
-    let phase = scull.rate_radps * h;
-    let scale = a * scull.force_mps2 / scull.rate_radps;
+    let truth = Vector3::new(0.0, 0.0, sculling.force_mps2 * bessel * h);
+    let phase = sculling.rate_radps * h;
+    let scale = a * sculling.force_mps2 / sculling.rate_radps;
     let expected = truth - Vector3::z() * scale * two_sample_residual(phase);
     // Terms of fourth order: the square of the angle, 4e-4, times what the term corrects.
-    let rest = 4e-4 * scale * phase.powi(3);
-    let off = gained(Interval::velocity_mps) - expected;
-    assert!(off.norm() < rest, "{off} of {rest}");
+    let tolerance = 4e-4 * scale * phase.powi(3);
+    let error = gained(Interval::velocity_mps) - expected;
+    assert!(error.norm() < tolerance, "{error} of {tolerance}");
     // Without the sculling term the error is a hundred times that.
-    let bare = gained(|i| i.velocity_mps() - i.sculling_mps) - truth;
-    assert!(bare.norm() > 100.0 * rest, "{bare}");
+    let uncompensated = gained(|i| i.velocity_mps() - i.sculling_mps) - truth;
+    assert!(uncompensated.norm() > 100.0 * tolerance, "{uncompensated}");
 }
 
-/// Rate and force that grow steadily: `p + q t`, `u + v t`.
+/// Rate and force that change linearly: `p + q t`, `u + v t`.
 struct Ramp {
     rate: [Vector3<f64>; 2],
     force: [Vector3<f64>; 2],
@@ -223,7 +226,7 @@ impl Ramp {
         ((to - from) * rate, (to - from) * force)
     }
 
-    /// For steady growth the terms of second order have closed forms, `h^3/12 p x q` and
+    /// For linear change the terms of second order have closed forms, `h^3/12 p x q` and
     /// `h^3/12 (p x v + u x q)`, with p and u at the interval's start.
     fn assert_exact(&self, interval: &Interval, from: f64, to: f64) {
         let h = to - from;
@@ -233,9 +236,9 @@ impl Ramp {
         let coning = h.powi(3) / 12.0 * p.cross(&q);
         let sculling = h.powi(3) / 12.0 * (p.cross(&v) + u.cross(&q));
         let near = |got: &Vector3<f64>, expected: &Vector3<f64>| {
-            // Rounding alone.
-            let off = (got - expected).norm();
-            assert!(off < 1e-15, "{got} is not {expected} in [{from}, {to}]");
+            // Rounding.
+            let error = (got - expected).norm();
+            assert!(error < 1e-15, "{got} is not {expected} in [{from}, {to}]");
         };
         assert!((interval.seconds - h).abs() < 1e-15);
         near(&interval.angle_rad, &angle);
@@ -246,7 +249,7 @@ impl Ramp {
 }
 
 #[test]
-fn steady_growth_is_exact_from_the_first_interval_on_and_at_any_length() {
+fn linear_rates_are_exact_at_any_interval_length() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
         let read = |from: f64, to: f64| match output {
             ImuOutput::Rates => RAMP.rate(to),
@@ -260,7 +263,7 @@ fn steady_growth_is_exact_from_the_first_interval_on_and_at_any_length() {
             RAMP.assert_exact(&interval, from, to);
             from = to;
         }
-        // Again after a break.
+        // Likewise after a restart.
         increments.restart(&sample(read(0.29, 0.3)));
         let usual = increments.interval(&sample(read(0.3, 0.31)), 0.01);
         RAMP.assert_exact(&usual, 0.3, 0.31);
@@ -268,7 +271,7 @@ fn steady_growth_is_exact_from_the_first_interval_on_and_at_any_length() {
 }
 
 #[test]
-fn a_hole_is_filled_by_its_ends() {
+fn a_gap_is_interpolated() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
         let read = |to: f64| match output {
             ImuOutput::Rates => RAMP.rate(to),
@@ -284,15 +287,15 @@ fn a_hole_is_filled_by_its_ends() {
         let (angle, force) = RAMP.increment(0.03, 0.07);
         assert!((filled.angle_rad - angle).norm() < 1e-15, "{output:?}");
         assert!((filled.force_mps - force).norm() < 1e-15, "{output:?}");
-        // What was filled in is not taken for the reading of one interval afterwards.
+        // The bridged increment is not used as the previous reading afterwards.
         let after = increments.interval(&sample(read(0.08)), 0.01);
         RAMP.assert_exact(&after, 0.07, 0.08);
     }
 }
 
 #[test]
-fn samples_lost_at_random_are_filled_in_and_a_slower_rate_is_learnt() {
-    let mut increments = Increments::new(ImuOutput::Increments, &level(0.01));
+fn random_losses_are_bridged_and_a_lower_rate_is_learnt() {
+    let mut increments = Increments::new(ImuOutput::Increments, &level_sample(0.01));
     let (mut state, mut seconds, mut filled, mut shown) = (1_u32, 0.0, 0.0, 0.0_f64);
     for count in 0..20_000 {
         seconds += 0.01;
@@ -302,40 +305,43 @@ fn samples_lost_at_random_are_filled_in_and_a_slower_rate_is_learnt() {
             continue;
         }
         shown += seconds;
-        filled += increments.interval(&level(0.01), seconds).force_mps.z;
+        filled += increments
+            .interval(&level_sample(0.01), seconds)
+            .force_mps
+            .z;
         seconds = 0.0;
     }
-    // What rounding leaves of the mean acceleration.
+    // Rounding error of the mean acceleration.
     let off_mps2 = (filled - 9.8 * shown) / shown;
     assert!(off_mps2.abs() < 1e-9, "{off_mps2}");
     for _ in 0..30 {
-        let _ = increments.interval(&level(0.02), 0.02);
+        let _ = increments.interval(&level_sample(0.02), 0.02);
     }
     assert!(!increments.has_gap(0.02));
 }
 
-/// Stamps of even intervals of 10 ms, off by up to 3.5 ms to and fro, without a pattern that an
-/// average over sixteen would show; the interval from each to the next.
+/// Differences of time stamps at 10 ms with a jitter of up to 3.5 ms, which has no pattern that an
+/// average over sixteen would show.
 fn jittered(count: u32) -> impl Iterator<Item = f64> {
     let late = |k: u32| 0.0035 * (f64::from(k) * 2.4 + f64::from(k * k % 17)).sin();
     (0..count).map(move |k| 0.01 + late(k + 1) - late(k))
 }
 
-fn level(seconds: f64) -> ImuSample {
+fn level_sample(seconds: f64) -> ImuSample {
     sample((Vector3::zeros(), Vector3::new(0.0, 0.0, 9.8 * seconds)))
 }
 
 #[test]
-fn even_increments_are_told_from_uneven_ones_under_the_same_stamps() {
-    let mut even = Increments::new(ImuOutput::Increments, &level(0.01));
+fn time_stamp_jitter_is_told_from_uneven_sampling() {
+    let mut even = Increments::new(ImuOutput::Increments, &level_sample(0.01));
     let mut uneven = even;
     let mut worst = 0.0_f64;
     for (k, seconds) in jittered(3000).enumerate() {
-        let interval = even.interval(&level(0.01), seconds);
+        let interval = even.interval(&level_sample(0.01), seconds);
         if k > 2000 {
             worst = worst.max((interval.seconds - 0.01).abs());
         }
-        let as_stamped = uneven.interval(&level(seconds), seconds);
+        let as_stamped = uneven.interval(&level_sample(seconds), seconds);
         assert!((as_stamped.seconds - seconds).abs() < 1e-15);
         assert!(uneven.stamped_late_s().abs() < 1e-15);
     }
@@ -344,34 +350,34 @@ fn even_increments_are_told_from_uneven_ones_under_the_same_stamps() {
 }
 
 #[test]
-fn time_passes_from_sample_to_sample_however_stamps_and_readings_jump() {
-    let mut increments = Increments::new(ImuOutput::Increments, &level(0.01));
+fn intervals_are_positive_for_any_jitter() {
+    let mut increments = Increments::new(ImuOutput::Increments, &level_sample(0.01));
     for seconds in jittered(500) {
-        let _ = increments.interval(&level(0.01), seconds);
+        let _ = increments.interval(&level_sample(0.01), seconds);
     }
     for k in 0..5000_u32 {
         let jump = f64::from(k * 37 % 101) / 101.0;
         let force = if k % 3 == 0 { 300.0 } else { -300.0 * jump };
-        let interval = increments.interval(&level(0.01 * force), 0.0001 + 0.019 * jump);
+        let interval = increments.interval(&level_sample(0.01 * force), 0.0001 + 0.019 * jump);
         assert!(interval.seconds > 0.0, "{k}: {interval:?}");
     }
 }
 
 #[test]
-fn stamps_that_jitter_hide_no_hole_and_make_none() {
+fn jitter_neither_hides_nor_simulates_gaps() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
-        let mut increments = Increments::new(output, &level(0.01));
+        let mut increments = Increments::new(output, &level_sample(0.01));
         for (k, seconds) in jittered(1000).enumerate() {
             assert!(!increments.has_gap(seconds), "{k}");
-            // Two missing, whatever the jitter of both ends: early in a run its phase is not known.
+            // Two missing samples, whatever the jitter; the phase of the sampling is unknown at first.
             assert!(k < 50 || increments.has_gap(seconds + 0.02), "{k}");
-            let _ = increments.interval(&level(0.01), seconds);
+            let _ = increments.interval(&level_sample(0.01), seconds);
         }
     }
 }
 
 #[test]
-fn a_steady_pirouette_gains_the_velocity_of_the_closed_form() {
+fn constant_rotation_and_force_match_the_closed_form() {
     let (angle, force) = (
         Vector3::new(0.06, -0.05, 0.06),
         Vector3::new(0.3, 0.4, -0.2),
@@ -387,9 +393,9 @@ fn a_steady_pirouette_gains_the_velocity_of_the_closed_form() {
     let exact = force
         + (1.0 - theta.cos()) / (theta * theta) * once
         + (theta - theta.sin()) / theta.powi(3) * angle.cross(&once);
-    // Third order is kept, fourth dropped: theta^3/24 of the force.
-    let off = (interval.velocity_mps() - exact).norm();
-    assert!(off < theta.powi(3) / 24.0 * force.norm(), "{off}");
+    // The fourth-order term is omitted: theta^3/24 of the force.
+    let error = (interval.velocity_mps() - exact).norm();
+    assert!(error < theta.powi(3) / 24.0 * force.norm(), "{error}");
 }
 
 const EQUATOR: f64 = 0.0;
@@ -397,16 +403,16 @@ const STEP_S: f64 = 1.0;
 /// Schuler period, in steps.
 const PERIOD: u32 = 5066;
 
-/// A free INS beside a vehicle that stands, axes east, north, up; height held by hand, for the
-/// vertical channel has its own test.
-struct Standing {
+/// A free-running INS at rest, axes east, north, up. Height is held, except in the test of the vertical
+/// channel.
+struct Stationary {
     ins: Mechanization,
     start: Geodetic,
     interval: Interval,
     hold_height: bool,
 }
 
-impl Standing {
+impl Stationary {
     fn new(latitude_rad: f64) -> Self {
         let start = Geodetic {
             latitude_rad,
@@ -454,112 +460,112 @@ fn schuler(latitude_rad: f64) -> [f64; 2] {
 }
 
 /// Compares a quantity with its model, `model(t)`, at every step.
-fn follows(
+fn assert_follows_model(
     steps: u32,
-    mut standing: Standing,
-    observed: impl Fn(&Standing) -> f64,
+    mut stationary: Stationary,
+    observed: impl Fn(&Stationary) -> f64,
     model: impl Fn(f64) -> f64,
     tolerance: f64,
 ) {
     let (mut largest, mut worst) = (0.0_f64, 0.0_f64);
     for k in 1..=steps {
-        standing.step();
+        stationary.step();
         let t = f64::from(k) * STEP_S;
         largest = largest.max(model(t).abs());
-        worst = worst.max((observed(&standing) - model(t)).abs());
+        worst = worst.max((observed(&stationary) - model(t)).abs());
     }
     assert!(
         worst < tolerance * largest,
-        "off by {worst} of {largest}, allowed {tolerance}"
+        "error {worst} of {largest}, allowed {tolerance}"
     );
 }
 
-/// (1)-(2) leave out what the rotation of the Earth couples. At the equator, where the level axes
-/// do not precess, a swing of the Schuler period feels `(Omega/ws)^2 = 0.35 %` of it, and what
-/// grows with time, the swing of 24 hours, `(Omega t)^2/2`: 1.7 % after half a Schuler period.
-const COUPLED: f64 = 0.01;
-const COUPLED_GROWING: f64 = 0.02;
+/// (1)-(2) omit the coupling by Earth rotation. At the equator, where the level axes do not precess, it
+/// is `(Omega/ws)^2 = 0.35 %` of a Schuler oscillation, and of errors that grow with time, due to the
+/// 24-hour oscillation, `(Omega t)^2/2`: 1.7 % after half a Schuler period.
+const COUPLING: f64 = 0.01;
+const GROWING_COUPLING: f64 = 0.02;
 
 #[test]
-fn accelerometer_biases_swing() {
+fn accelerometer_biases_cause_schuler_oscillations() {
     let [we, wn] = schuler(EQUATOR);
     let df = 0.01;
-    follows(
+    assert_follows_model(
         PERIOD,
-        Standing::new(EQUATOR).biased([0.0; 3], [df, 0.0, 0.0]),
+        Stationary::new(EQUATOR).biased([0.0; 3], [df, 0.0, 0.0]),
         |s| s.ins.velocity_enu_mps.x,
         |t| df / we * (we * t).sin(),
-        COUPLED,
+        COUPLING,
     );
-    follows(
+    assert_follows_model(
         PERIOD,
-        Standing::new(EQUATOR).biased([0.0; 3], [0.0, df, 0.0]),
+        Stationary::new(EQUATOR).biased([0.0; 3], [0.0, df, 0.0]),
         |s| s.position_error().y,
         |t| df / (wn * wn) * (1.0 - (wn * t).cos()),
-        COUPLED,
+        COUPLING,
     );
 }
 
 #[test]
-fn level_gyro_biases_run_away() {
+fn level_gyro_biases_cause_drift() {
     let earth = LocalEarth::at(EQUATOR, 0.0);
     let [we, wn] = schuler(EQUATOR);
     let dw = 4.848e-6;
     // Phi_N' = -dw_N, dV_E' = -g Phi_N: eastwards; Phi_E' = -dw_E, dV_N' = g Phi_E: southwards.
-    follows(
+    assert_follows_model(
         PERIOD / 2,
-        Standing::new(EQUATOR).biased([0.0, dw, 0.0], [0.0; 3]),
+        Stationary::new(EQUATOR).biased([0.0, dw, 0.0], [0.0; 3]),
         |s| s.position_error().x,
         |t| dw * earth.east_radius_m * (t - (we * t).sin() / we),
-        COUPLED_GROWING,
+        GROWING_COUPLING,
     );
-    follows(
+    assert_follows_model(
         PERIOD / 2,
-        Standing::new(EQUATOR).biased([dw, 0.0, 0.0], [0.0; 3]),
+        Stationary::new(EQUATOR).biased([dw, 0.0, 0.0], [0.0; 3]),
         |s| s.ins.velocity_enu_mps.y,
         |t| -dw * earth.north_radius_m * (1.0 - (wn * t).cos()),
-        COUPLED_GROWING,
+        GROWING_COUPLING,
     );
 }
 
 #[test]
-fn the_up_gyro_bias_turns_and_then_tilts() {
+fn up_gyro_bias_drifts_heading_then_tilts() {
     let earth = LocalEarth::at(EQUATOR, 0.0);
     let [_, wn] = schuler(EQUATOR);
     let dw = 4.848e-6;
-    let standing = || Standing::new(EQUATOR).biased([0.0, 0.0, dw], [0.0; 3]);
+    let stationary = || Stationary::new(EQUATOR).biased([0.0, 0.0, dw], [0.0; 3]);
     // Phi_UP' = -dw_UP, and by C' = (I - [Phi x]) C the computed heading grows with Phi_UP.
-    follows(
+    assert_follows_model(
         PERIOD / 2,
-        standing(),
+        stationary(),
         |s| s.ins.heading_rad(),
         |t| -dw * t,
-        COUPLED_GROWING,
+        GROWING_COUPLING,
     );
-    // A platform turned by Phi_UP takes Omega_N for a rate about east: -Omega Phi_UP.
-    let tilting = dw * ROTATION_RATE_RADPS;
-    follows(
+    // A platform rotated by Phi_UP sees Omega_N as a rate about east: -Omega Phi_UP.
+    let tilt_drift = dw * ROTATION_RATE_RADPS;
+    assert_follows_model(
         PERIOD / 2,
-        standing(),
+        stationary(),
         |s| s.ins.velocity_enu_mps.y,
-        |t| tilting * earth.north_radius_m * (t - (wn * t).sin() / wn),
-        COUPLED_GROWING,
+        |t| tilt_drift * earth.north_radius_m * (t - (wn * t).sin() / wn),
+        GROWING_COUPLING,
     );
 }
 
 #[test]
-fn a_vertical_error_grows_by_the_hyperbolic_cosine() {
+fn vertical_error_grows_as_a_hyperbolic_cosine() {
     let earth = LocalEarth::at(EQUATOR, 0.0);
     let df = 1e-4;
-    // dV_UP' = df + 2g/R dh, R the mean of the two radii, half the difference of which is 0.34 %;
-    // with an exponent of 9 in a Schuler period that is 9 * 0.17 % off.
+    // dV_UP' = df + 2g/R dh, with R the mean of both radii, half of whose difference is 0.34 %; with an
+    // exponent of 9 in a Schuler period the error is 9 * 0.17 %.
     let mean_radius = 0.5 * (earth.east_radius_m + earth.north_radius_m);
     let k = (2.0 * earth.gravity_mps2 / mean_radius).sqrt();
-    let mut standing = Standing::new(EQUATOR).biased([0.0; 3], [0.0, 0.0, df]);
-    standing.hold_height = false;
-    follows(
+    let mut stationary = Stationary::new(EQUATOR).biased([0.0; 3], [0.0, 0.0, df]);
+    stationary.hold_height = false;
+    assert_follows_model(
         PERIOD,
-        standing,
+        stationary,
         |s| s.position_error().z,
         |t| df / (k * k) * ((k * t).cosh() - 1.0),
         0.02,
@@ -567,81 +573,81 @@ fn a_vertical_error_grows_by_the_hyperbolic_cosine() {
 }
 
 #[test]
-fn a_tilt_swings_with_the_schuler_period() {
+fn tilt_oscillates_with_the_schuler_period() {
     let [we, _] = schuler(EQUATOR);
     assert!((TAU / we / 60.0 - 84.4).abs() < 0.2, "{we}");
     let phi = 1e-3;
-    let mut tilted = Standing::new(EQUATOR);
+    let mut tilted = Stationary::new(EQUATOR);
     tilted.ins.turn_platform(&Vector3::new(0.0, phi, 0.0));
-    follows(
+    assert_follows_model(
         PERIOD,
         tilted,
         |s| s.ins.velocity_enu_mps.x,
         |t| -phi * LocalEarth::at(EQUATOR, 0.0).gravity_mps2 / we * (we * t).sin(),
-        COUPLED,
+        COUPLING,
     );
 }
 
 #[test]
-fn the_swing_precesses_as_foucault_s_pendulum_does() {
+fn schuler_oscillation_precesses_like_a_foucault_pendulum() {
     for latitude_rad in [1.0_f64, -1.2] {
         let [we, wn] = schuler(latitude_rad);
         let period_s = TAU / (0.5 * (we + wn));
-        let mut swinging = Standing::new(latitude_rad);
-        swinging.ins.velocity_enu_mps.x = 1.0;
+        let mut oscillating = Stationary::new(latitude_rad);
+        oscillating.ins.velocity_enu_mps.x = 1.0;
         let mut t = 0.0;
         for period in [1.0, 2.0, 3.0] {
             while t < period * period_s {
-                swinging.step();
+                oscillating.step();
                 t += STEP_S;
             }
-            let v = swinging.ins.velocity_enu_mps;
+            let v = oscillating.ins.velocity_enu_mps;
             // The local frame turns counter-clockwise by Omega sin(lat).
             let expected = -ROTATION_RATE_RADPS * latitude_rad.sin() * t;
-            // Unequal radii bend the line by e^2 cos^2(lat)/4 of the phase, 0.01 after three
-            // periods; the coupling of COUPLED adds as much.
-            let off = (v.y.atan2(v.x) - expected).abs();
-            assert!(off < 0.02, "{off} of {expected}");
+            // Unequal radii rotate the direction by e^2 cos^2(lat)/4 of the phase, 0.01 after three
+            // periods; COUPLING adds as much.
+            let error = (v.y.atan2(v.x) - expected).abs();
+            assert!(error < 0.02, "{error} of {expected}");
             assert!((v.xy().norm() - 1.0).abs() < 0.02, "{v}");
         }
     }
 }
 
 #[test]
-fn what_stands_is_left_standing() {
+fn a_stationary_ins_stays_at_rest() {
     // Any latitude and heading.
     for (latitude_rad, heading_rad) in [(0.0, 0.0), (0.9, 2.0), (-1.3, -1.0), (1.55, 0.5)] {
-        let mut standing = Standing::new(latitude_rad);
+        let mut stationary = Stationary::new(latitude_rad);
         let attitude = from_euler(&Euler {
             heading_rad,
             pitch_rad: 0.2,
             roll_rad: -0.3,
         });
-        standing.ins.attitude = attitude;
+        stationary.ins.attitude = attitude;
         let inverse = attitude.inverse();
-        standing.interval = Interval {
+        stationary.interval = Interval {
             seconds: 0.1,
-            angle_rad: inverse * standing.interval.angle_rad * 0.1,
-            force_mps: inverse * standing.interval.force_mps * 0.1,
+            angle_rad: inverse * stationary.interval.angle_rad * 0.1,
+            force_mps: inverse * stationary.interval.force_mps * 0.1,
             ..Interval::default()
         };
-        standing.hold_height = false;
+        stationary.hold_height = false;
         for _ in 0..36_000 {
-            standing.step();
+            stationary.step();
         }
-        // The frame's turn in a step, 7e-6 rad, squared times g, 5e-10 m/s^2 at worst, multiplied
-        // by the vertical channel as in the test above.
-        let off = standing.position_error().norm();
-        assert!(off < 0.02, "{off} m at {latitude_rad}");
-        // The platform turns with the place: 0.02 m / R.
-        let turned = standing.ins.attitude.angle_to(&attitude);
+        // Square of the frame rotation in a step, 7e-6 rad, times g: 5e-10 m/s^2 at worst, amplified by
+        // the vertical channel as in the test above.
+        let error = stationary.position_error().norm();
+        assert!(error < 0.02, "{error} m at {latitude_rad}");
+        // The platform rotates with the position: 0.02 m / R.
+        let turned = stationary.ins.attitude.angle_to(&attitude);
         assert!(turned < 3e-9, "{turned} at {latitude_rad}");
     }
 }
 
 #[test]
-fn a_rise_feels_the_gravity_of_its_middle() {
-    // Near the pole, where a vertical velocity has no Coriolis acceleration to speak of.
+fn gravity_is_that_at_the_middle_of_a_step() {
+    // Near the pole, where vertical velocity causes hardly any Coriolis acceleration.
     let (latitude_rad, rise_mps, dt) = (1.55, 100.0, 10.0);
     let start = Geodetic {
         latitude_rad,
@@ -657,7 +663,7 @@ fn a_rise_feels_the_gravity_of_its_middle() {
         ..Interval::default()
     };
     ins.step(&interval, &Controls::default());
-    // Gravity of the start would leave 15 mm/s; the linear fall with height, 1 % of it.
-    let off = ins.velocity_enu_mps.z - rise_mps;
-    assert!(off.abs() < 2e-4, "{off}");
+    // Gravity at the start would cause 15 mm/s.
+    let error = ins.velocity_enu_mps.z - rise_mps;
+    assert!(error.abs() < 2e-4, "{error}");
 }

@@ -1,4 +1,4 @@
-//! The gains of the observer against a dense Kalman filter of the same five errors.
+//! Gains of a channel against a dense Kalman filter of the same five states.
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::indexing_slicing)]
 
@@ -7,7 +7,7 @@ use crate::config::Noise;
 use nalgebra::{Matrix5, RowVector5, Vector5};
 use proptest::prelude::*;
 
-/// Of a consumer receiver: metres for minutes, and velocity smoothed over a second.
+/// A consumer receiver: position noise correlated over a minute, velocity noise over a second.
 const VELOCITY: Noise = Noise {
     white: 0.05,
     correlated: 0.1,
@@ -43,30 +43,30 @@ impl Dense {
     fn propagate(&mut self, step: &ChannelStep, gnss_noise: [Markov; 2]) {
         let (dt, f) = (step.seconds, step.force_up_mps);
         let [velocity, position] = gnss_noise;
-        let mut flow =
+        let mut transition =
             Matrix5::from_diagonal(&Vector5::new(1.0, 1.0, 1.0, velocity.decay, position.decay));
-        flow[(0, 1)] = dt;
-        flow[(0, 2)] = step.force_up_position_m;
-        flow[(1, 2)] = f;
-        // Of where it has come to.
+        transition[(0, 1)] = dt;
+        transition[(0, 2)] = step.force_up_position_m;
+        transition[(1, 2)] = f;
+        // Gravity gradient at the propagated position.
         let mut gravity = Matrix5::identity();
         gravity[(1, 0)] = step.gravity_per_s;
-        flow = gravity * flow;
-        // Each white noise came in at some moment of the span, and grew from there.
+        transition = gravity * transition;
+        // White noise enters at each time within the span and is propagated to its end.
         let mut noise = Matrix5::zeros();
         let steps = 1000;
         for k in 0..steps {
-            let left = (f64::from(k) + 0.5) / f64::from(steps);
-            let by_accel = Vector5::new(left * dt, 1.0, 0.0, 0.0, 0.0);
-            // To first order in position: spans are short.
-            let by_gyro = Vector5::new(0.0, left * f, 1.0, 0.0, 0.0);
+            let remaining = (f64::from(k) + 0.5) / f64::from(steps);
+            let by_accel = Vector5::new(remaining * dt, 1.0, 0.0, 0.0, 0.0);
+            // First order in position: spans are short.
+            let by_gyro = Vector5::new(0.0, remaining * f, 1.0, 0.0, 0.0);
             let share = dt / f64::from(steps);
             noise += by_accel * by_accel.transpose() * (step.accel_noise * share);
             noise += by_gyro * by_gyro.transpose() * (step.gyro_noise * share);
         }
         noise[(3, 3)] += velocity.variance;
         noise[(4, 4)] += position.variance;
-        self.p = flow * self.p * flow.transpose() + noise;
+        self.p = transition * self.p * transition.transpose() + noise;
     }
 
     fn row(measured: Measured) -> RowVector5<f64> {
@@ -76,13 +76,13 @@ impl Dense {
         }
     }
 
-    /// In the form of Joseph, which rounding does not make negative.
+    /// Joseph form.
     fn update(&mut self, measured: Measured, white: f64) -> Vector5<f64> {
         let row = Self::row(measured);
         let predicted = (row * self.p * row.transpose()).x;
         let gains = self.p * row.transpose() / (predicted + white);
-        let kept = Matrix5::identity() - gains * row;
-        self.p = kept * self.p * kept.transpose() + gains * gains.transpose() * white;
+        let i_minus_kh = Matrix5::identity() - gains * row;
+        self.p = i_minus_kh * self.p * i_minus_kh.transpose() + gains * gains.transpose() * white;
         gains
     }
 }
@@ -91,7 +91,7 @@ impl Dense {
 enum Step {
     Propagate(ChannelStep, f64),
     Update(Measured, f64),
-    Doubt(f64, f64, f64),
+    AddVariance(f64, f64, f64),
 }
 
 fn step() -> impl Strategy<Value = Step> {
@@ -118,17 +118,16 @@ fn step() -> impl Strategy<Value = Step> {
         }),
         2 => white(Measured::Velocity),
         2 => white(Measured::Position),
-        1 => (0.0_f64..1.0, 0.0_f64..1e-3, 0.0_f64..100.0).prop_map(|(v, t, p)| Step::Doubt(v, t, p)),
+        1 => (0.0_f64..1.0, 0.0_f64..1e-3, 0.0_f64..100.0).prop_map(|(v, t, p)| Step::AddVariance(v, t, p)),
     ]
 }
 
-/// What two ways of rounding the same recursion may differ by, of the deviation and of what it
-/// started with.
+/// Tolerance for rounding, relative to the value and to its initial value.
 const ROUNDING: f64 = 1e-9;
 
 proptest! {
     #[test]
-    fn a_channel_is_a_kalman_filter(steps in prop::collection::vec(step(), 1..300)) {
+    fn channel_matches_a_kalman_filter(steps in prop::collection::vec(step(), 1..300)) {
         let mut channel = Channel::new(TILT, &VELOCITY, &POSITION);
         let mut dense = Dense::new(channel.position(), channel.velocity());
         let start = dense.p;
@@ -145,11 +144,11 @@ proptest! {
                     let expected = dense.update(measured, white);
                     for k in 0..5 {
                         let scale = (start[(k, k)] / white).sqrt();
-                        let off = (gains[k] - expected[k]).abs();
-                        prop_assert!(off < ROUNDING * (scale + expected[k].abs()), "{k}: {off}");
+                        let error = (gains[k] - expected[k]).abs();
+                        prop_assert!(error < ROUNDING * (scale + expected[k].abs()), "{k}: {error}");
                     }
                 }
-                Step::Doubt(velocity, tilt, position) => {
+                Step::AddVariance(velocity, tilt, position) => {
                     channel.add_variance(velocity, tilt);
                     channel.add_position_variance(position);
                     dense.p[(0, 0)] += position;
@@ -160,30 +159,30 @@ proptest! {
             for measured in [Measured::Velocity, Measured::Position] {
                 let row = Dense::row(measured);
                 let expected = (row * dense.p * row.transpose()).x;
-                let off = (channel.predicted_variance(measured) - expected).abs();
-                prop_assert!(off < ROUNDING * start.norm(), "{off}");
+                let error = (channel.predicted_variance(measured) - expected).abs();
+                prop_assert!(error < ROUNDING * start.norm(), "{error}");
             }
             let variances = [channel.position(), channel.velocity(), channel.tilt()];
             for (k, variance) in variances.into_iter().enumerate() {
                 let expected = dense.p[(k, k)];
                 prop_assert!(variance >= 0.0);
-                let off = (variance - expected).abs();
-                prop_assert!(off < ROUNDING * (expected + start[(k, k)]), "{k}: {variance} {expected}");
+                let error = (variance - expected).abs();
+                prop_assert!(error < ROUNDING * (expected + start[(k, k)]), "{k}: {variance} {expected}");
             }
         }
     }
 
-    /// Correlated noise comes to rest at its variance, however long the spans.
+    /// For any length of the spans.
     #[test]
-    fn correlated_noise_stays_as_strong_as_described(
+    fn correlated_noise_keeps_its_variance(
         seconds in 1e-3_f64..1e3,
         factor in 0.01_f64..100.0,
     ) {
         let noise = Markov::over(seconds, &POSITION, factor);
         prop_assert!((0.0..1.0).contains(&noise.decay));
         let settled = noise.variance / (1.0 - noise.decay * noise.decay);
-        let described = factor * POSITION.correlated * POSITION.correlated;
-        prop_assert!((settled / described - 1.0).abs() < 1e-9);
+        let configured = factor * POSITION.correlated * POSITION.correlated;
+        prop_assert!((settled / configured - 1.0).abs() < 1e-9);
         // To second order.
         let x = seconds / POSITION.correlation_s;
         if x < 1.0 {
@@ -192,9 +191,9 @@ proptest! {
     }
 }
 
-/// Gravity makes a slope of velocity of it.
+/// Tilt times gravity is a slope of velocity.
 #[test]
-fn velocity_shows_the_tilt() {
+fn velocity_aiding_estimates_tilt() {
     let step = ChannelStep {
         seconds: 0.1,
         force_up_mps: 0.98,
@@ -211,8 +210,8 @@ fn velocity_shows_the_tilt() {
         );
         let _ = channel.update(Measured::Velocity, 0.01);
     }
-    // A slope over 100 s of noise of 0.1 m/s ten times a second, and as much again of 1 s
-    // correlation: sqrt(12 (0.01 * 0.1 s + 2 * 0.01 * 1 s) / T^3) / g.
+    // Slope over 100 s from white noise of 0.1 m/s at 10 Hz and correlated noise of 0.1 m/s and 1 s:
+    // sqrt(12 (0.01 * 0.1 s + 2 * 0.01 * 1 s) / T^3) / g.
     let expected = (12.0 * 0.021 / 1e6_f64).sqrt() / 9.8;
     let sigma = channel.tilt().sqrt();
     assert!(

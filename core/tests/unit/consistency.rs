@@ -1,14 +1,13 @@
-//! An estimate whose moves are held against what it has become known by.
+//! Consistency of the corrections of an estimate with the decrease of its variance.
 #![allow(clippy::disallowed_methods)]
 
 use crate::deviates::Deviates;
 use crate::observer::consistency::Consistency;
 
-/// Mean square of error over sigma, and mean sigma, of 400 estimates of a value that walks by
-/// `walk` a second, from a measurement a second with white noise of one for ten minutes, by an
-/// estimator that takes the value for a constant; `correlation` is what a measurement keeps of the noise
-/// of the last.
-fn honesty(walk: f32, correlation: f32, looks: bool) -> (f32, f32) {
+/// RMS of error over sigma, and mean sigma, of 400 estimates of a value with a random walk of `walk` per second,
+/// by an estimator that assumes a constant, from a measurement per second with unit noise over ten minutes;
+/// `correlation` is that of successive measurements.
+fn normalized_error_and_sigma(walk: f32, correlation: f32, checked: bool) -> (f32, f32) {
     let mut deviates = Deviates(7);
     let (mut squares, mut sigmas) = (0.0, 0.0);
     for _ in 0..400 {
@@ -19,14 +18,14 @@ fn honesty(walk: f32, correlation: f32, looks: bool) -> (f32, f32) {
             noise =
                 correlation * noise + (1.0 - correlation * correlation).sqrt() * deviates.next();
             let gain = variance / (variance + 1.0);
-            let move_by = gain * (truth + noise - estimate);
-            estimate += move_by;
+            let correction = gain * (truth + noise - estimate);
+            estimate += correction;
             variance *= 1.0 - gain;
-            consistency.on_correction(move_by);
-            if looks && second % 5 == 4 {
-                let more = consistency.check(variance);
-                variance += more;
-                consistency.on_walk(more);
+            consistency.on_correction(correction);
+            if checked && second % 5 == 4 {
+                let added = consistency.check(variance);
+                variance += added;
+                consistency.on_walk(added);
             }
         }
         #[allow(clippy::cast_possible_truncation)]
@@ -37,56 +36,63 @@ fn honesty(walk: f32, correlation: f32, looks: bool) -> (f32, f32) {
     (squares.sqrt(), sigmas)
 }
 
-/// Of 400 estimates the root mean square is good to 4 %; four sigmas of that.
+/// The RMS of 400 estimates is accurate to 4 %; four sigmas of that.
 #[test]
-fn what_is_a_constant_is_known_as_well_as_before() {
-    let (alone, sigma_alone) = honesty(0.0, 0.0, false);
-    assert!((alone - 1.0).abs() < 0.15, "{alone}");
-    let (watched, sigma) = honesty(0.0, 0.0, true);
-    assert!((watched - 1.0).abs() < 0.15, "{watched}");
-    assert!(sigma < 1.05 * sigma_alone, "{sigma} {sigma_alone}");
+fn a_constant_keeps_its_accuracy() {
+    let (without_check, sigma_without_check) = normalized_error_and_sigma(0.0, 0.0, false);
+    assert!((without_check - 1.0).abs() < 0.15, "{without_check}");
+    let (with_check, sigma) = normalized_error_and_sigma(0.0, 0.0, true);
+    assert!((with_check - 1.0).abs() < 0.15, "{with_check}");
+    assert!(
+        sigma < 1.05 * sigma_without_check,
+        "{sigma} {sigma_without_check}"
+    );
 }
 
-/// Neighbours that are alike by half make a mean of many worse by 1.7, by 0.8 by 3.
+/// A correlation of 0.5 makes a mean worse by a factor of 1.7, of 0.8 by 3.
 #[test]
-fn what_coloured_noise_tells_is_worth_less() {
-    for (correlation, off) in [(0.5, 1.5), (0.8, 2.5)] {
-        let (alone, _) = honesty(0.0, correlation, false);
-        assert!(alone > off, "{correlation}: {alone}");
-        let (watched, _) = honesty(0.0, correlation, true);
-        assert!((0.7..1.6).contains(&watched), "{correlation}: {watched}");
+fn coloured_noise_inflates_the_variance() {
+    for (correlation, unchecked_error) in [(0.5, 1.5), (0.8, 2.5)] {
+        let (without_check, _) = normalized_error_and_sigma(0.0, correlation, false);
+        assert!(
+            without_check > unchecked_error,
+            "{correlation}: {without_check}"
+        );
+        let (with_check, _) = normalized_error_and_sigma(0.0, correlation, true);
+        assert!(
+            (0.7..1.6).contains(&with_check),
+            "{correlation}: {with_check}"
+        );
     }
 }
 
-/// A walk that no one has told of shows only late: it is followed better, not as well as one that is
-/// known.
+/// An unmodelled walk shows late: it is tracked better than without the check, not as well as if modelled.
 #[test]
-fn what_walks_is_let_go() {
+fn variance_of_a_walking_value_is_raised() {
     for walk in [0.1, 0.3] {
-        let (alone, _) = honesty(walk, 0.0, false);
-        let (watched, sigma) = honesty(walk, 0.0, true);
+        let (without_check, _) = normalized_error_and_sigma(walk, 0.0, false);
+        let (with_check, sigma) = normalized_error_and_sigma(walk, 0.0, true);
         assert!(
-            alone > 20.0 && watched < 0.3 * alone,
-            "{walk}: {alone} {watched}"
+            without_check > 20.0 && with_check < 0.3 * without_check,
+            "{walk}: {without_check} {with_check}"
         );
         assert!(sigma < 20.0 * walk, "{walk}: {sigma}");
     }
 }
 
-/// A variance that halves is as much as was learnt: a move of three sigmas of that shows, in steps
-/// that are each less than a sigma of what a step tells.
+/// While the variance is halved, small steps add up to a correction of some sigmas of the decrease.
 #[test]
 fn small_moves_in_one_direction_add_up() {
-    let given_back = |sigmas: f32| {
+    let variance_added = |sigmas: f32| {
         let mut consistency = Consistency::NEW;
-        let mut given = consistency.check(1.0);
+        let mut added = consistency.check(1.0);
         for step in 1..=50_u16 {
             consistency.on_correction(sigmas * 0.5_f32.sqrt() / 50.0);
-            given += consistency.check(1.0 - f32::from(step) / 100.0);
+            added += consistency.check(1.0 - f32::from(step) / 100.0);
         }
-        given
+        added
     };
-    assert!(given_back(1.9) <= 0.0);
-    assert!((given_back(2.5) - 0.5 * (2.5 * 2.5 / 4.0 - 1.0)).abs() < 1e-3);
-    assert!((given_back(5.0) - 0.5).abs() < 1e-3);
+    assert!(variance_added(1.9) <= 0.0);
+    assert!((variance_added(2.5) - 0.5 * (2.5 * 2.5 / 4.0 - 1.0)).abs() < 1e-3);
+    assert!((variance_added(5.0) - 0.5).abs() < 1e-3);
 }

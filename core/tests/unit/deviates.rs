@@ -1,6 +1,6 @@
-//! Normal deviates for tests of statistics.
+//! Normal deviates for statistical tests.
 
-/// Enough for statistics to a tenth: sums of twelve even ones.
+/// Sums of twelve uniform numbers, sufficient for statistics to a tenth.
 pub struct Deviates(pub u64);
 
 impl Deviates {

@@ -1,7 +1,7 @@
-//! Spans of the past and their ring: whole however they are cut, exact for a steadily changing
-//! acceleration, and honest at its ends.
+//! Spans and their ring: independent of how they are divided, exact for constant jerk, and limited to
+//! the stored interval.
 #![allow(clippy::cast_precision_loss)]
-#![allow(clippy::disallowed_methods)] // Reference values, not results.
+#![allow(clippy::disallowed_methods)] // Reference values.
 #![allow(clippy::unwrap_used)]
 
 use crate::Time;
@@ -15,13 +15,13 @@ const ACCEL: Vector3<f64> = Vector3::new(1.5, -0.7, 0.2);
 const JERK: Vector3<f64> = Vector3::new(-3.0, 2.0, 1.0);
 const RATE: Vector3<f64> = Vector3::new(0.1, -0.2, 0.4);
 const RATE_GROWTH: Vector3<f64> = Vector3::new(0.3, 0.1, -0.5);
-/// The ring keeps single precision, of numbers of up to ten.
-const SINGLE: f64 = 1e-6;
+/// Rounding in the ring, of numbers of up to ten.
+const ROUNDING: f64 = 1e-6;
 
-/// Latency and late arrival of some 1.2 s.
+/// Entries for latency and late arrival of 1.2 s.
 const N: usize = 12;
 
-fn at_s(t: f64) -> Time {
+fn time_at(t: f64) -> Time {
     Time::default().plus_seconds(t)
 }
 
@@ -29,7 +29,7 @@ fn velocity(t: f64) -> Vector3<f64> {
     t * ACCEL + 0.5 * t * t * JERK
 }
 
-fn way(t: f64) -> Vector3<f64> {
+fn position(t: f64) -> Vector3<f64> {
     t * t * (0.5 * ACCEL + t / 6.0 * JERK)
 }
 
@@ -44,23 +44,23 @@ fn span(from: f64, to: f64) -> Span {
     Span {
         seconds,
         force_mps: velocity(to) - velocity(from) + Vector3::z() * (seconds * GRAVITY_EQUATOR_MPS2),
-        force_position_m: way(to) - way(from) - velocity(from) * seconds
+        force_position_m: position(to) - position(from) - velocity(from) * seconds
             + Vector3::z() * (0.5 * seconds * seconds * GRAVITY_EQUATOR_MPS2),
         attitude_s: seconds * attitude(middle),
         angle_rad: seconds * (RATE + middle * RATE_GROWTH),
-        way_m: way(to) - way(from),
+        way_m: position(to) - position(from),
         ..Span::default()
     }
 }
 
-fn filled(times: &[f64]) -> History<N> {
+fn filled_ring(times: &[f64]) -> History<N> {
     let mut history = History::default();
     let mut before = -0.1;
     for t in times {
-        assert!(history.is_due(at_s(*t), 0.01));
+        assert!(history.is_due(time_at(*t), 0.01));
         history.push(
-            at_s(*t),
-            &((way(*t) - way(before)) / (t - before)),
+            time_at(*t),
+            &((position(*t) - position(before)) / (t - before)),
             &span(before, *t),
             &Vibration::default(),
         );
@@ -70,59 +70,65 @@ fn filled(times: &[f64]) -> History<N> {
 }
 
 #[test]
-fn a_past_moment_is_exact_for_a_steady_jerk() {
-    // Unequal steps, as samples come.
+fn interpolation_is_exact_for_constant_jerk() {
+    // Unequal steps, as of samples.
     let times = [0.0, 0.12, 0.25, 0.37, 0.5, 0.62];
-    let history = filled(&times);
+    let history = filled_ring(&times);
     for t in [0.0, 0.05, 0.133, 0.25, 0.31, 0.449, 0.5, 0.62] {
-        let past = history.at(at_s(t), false).unwrap();
-        assert!((past.velocity_mps - velocity(t)).norm() < SINGLE, "{t}");
-        // Means over a tenth of a second, and their differences, are ten and a hundred times
-        // coarser.
+        let past = history.at(time_at(t), false).unwrap();
+        assert!((past.velocity_mps - velocity(t)).norm() < ROUNDING, "{t}");
+        // Rounding of means over a tenth of a second is ten times as large, of their differences a hundred
+        // times.
         let accel = ACCEL + t * JERK;
-        assert!((past.accel_mps2 - accel).norm() < 100.0 * SINGLE, "{t}");
-        assert!((past.attitude - attitude(t)).norm() < 100.0 * SINGLE, "{t}");
+        assert!((past.accel_mps2 - accel).norm() < 100.0 * ROUNDING, "{t}");
+        assert!(
+            (past.attitude - attitude(t)).norm() < 100.0 * ROUNDING,
+            "{t}"
+        );
         let rate = (RATE + t * RATE_GROWTH).cross_matrix();
-        let swing = past.attitude_rate - attitude(t) * rate;
-        assert!(swing.norm() < 100.0 * SINGLE, "{t}");
+        let oscillation = past.attitude_rate - attitude(t) * rate;
+        assert!(oscillation.norm() < 100.0 * ROUNDING, "{t}");
         let accel = attitude(t) * (rate * rate + RATE_GROWTH.cross_matrix());
-        assert!((past.attitude_accel - accel).norm() < 100.0 * SINGLE, "{t}");
-        assert_eq!(past.time, at_s(t));
-        // Between moments the chord of the velocity is taken: J h^3 / 12 of less than 0.13 s.
-        let coarse = JERK.norm() * 0.13_f64.powi(3) / 12.0;
-        let off = past.way_since_m - (way(0.62) - way(t));
-        assert!(off.norm() < coarse, "{t}: {off}");
+        assert!(
+            (past.attitude_accel - accel).norm() < 100.0 * ROUNDING,
+            "{t}"
+        );
+        assert_eq!(past.time, time_at(t));
+        // Velocity is interpolated linearly between entries: J h^3 / 12 with h < 0.13 s.
+        let tolerance = JERK.norm() * 0.13_f64.powi(3) / 12.0;
+        let error = past.way_since_m - (position(0.62) - position(t));
+        assert!(error.norm() < tolerance, "{t}: {error}");
     }
 }
 
 #[test]
-fn what_lies_outside_is_not_invented() {
-    let at = |history: &History<N>, t: f64| history.at(at_s(t), false);
+fn times_outside_the_ring_are_reported_missing() {
+    let at = |history: &History<N>, t: f64| history.at(time_at(t), false);
     assert_eq!(at(&History::default(), 0.0), Err(Missing::Future));
-    // One moment is the end of a span that began before it.
-    assert_eq!(at(&filled(&[0.0]), 0.0), Err(Missing::TooOld));
-    assert_eq!(at(&filled(&[0.0, 0.12]), -0.01), Err(Missing::TooOld));
+    // A single entry is the end of a span that began before it.
+    assert_eq!(at(&filled_ring(&[0.0]), 0.0), Err(Missing::TooOld));
+    assert_eq!(at(&filled_ring(&[0.0, 0.12]), -0.01), Err(Missing::TooOld));
     let times: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.12).collect();
-    let history = filled(&times);
+    let history = filled_ring(&times);
     assert_eq!(at(&history, 11.89), Err(Missing::Future));
-    // Nothing follows the last interval yet.
-    let waiting = |t: f64| history.at(at_s(t), true);
+    // No entry after the last interval yet.
+    let waiting = |t: f64| history.at(time_at(t), true);
     assert_eq!(waiting(11.87), Err(Missing::Future));
     assert!(waiting(11.75).is_ok());
     assert!(at(&history, 11.87).is_ok());
     // Eleven intervals are kept: from 88 * 0.12 s on.
     assert!(at(&history, 10.57).is_ok());
     assert_eq!(at(&history, 10.55), Err(Missing::TooOld));
-    assert_eq!(history.next_dropped(), Some(at_s(10.56)));
-    assert!(!history.is_due(at_s(11.98), 0.01));
-    assert!(history.is_due(at_s(11.99), 0.01));
-    // Of 10 Hz none is skipped.
-    assert!(history.is_due(at_s(11.98), 0.1));
+    assert_eq!(history.next_dropped(), Some(time_at(10.56)));
+    assert!(!history.is_due(time_at(11.98), 0.01));
+    assert!(history.is_due(time_at(11.99), 0.01));
+    // At 10 Hz no sample is skipped.
+    assert!(history.is_due(time_at(11.98), 0.1));
 }
 
-/// A velocity to the east, and how far it is above its mean over the times of a low pass of this time
-/// constant that is not late; by that an antenna goes as well, on an arm of unit length.
-fn above_mean(
+/// Difference of an east velocity from its low-pass mean with time constant `memory_s` and without delay; also
+/// checks that of an antenna on a lever arm of unit length.
+fn above_low_pass(
     memory_s: f64,
     at: f64,
     east_m: impl Fn(f64) -> f64,
@@ -140,39 +146,45 @@ fn above_mean(
             attitude_s: attitude * 0.1,
             ..Span::default()
         };
-        history.push(at_s(to), &Vector3::zeros(), &span, &Vibration::default());
+        history.push(time_at(to), &Vector3::zeros(), &span, &Vibration::default());
     }
-    let mut past = history.at(at_s(at), false).unwrap();
+    let mut past = history.at(time_at(at), false).unwrap();
     history.smooth(&mut past, memory_s);
-    assert!(past.jerk_mps3.yz().norm() < 1000.0 * SINGLE);
-    let above = |jerk: f64| -0.5 * memory_s * memory_s * jerk;
-    // Between means a swing is some thousandths smaller than where they end.
-    let on_arm = above(f64::from(past.attitude_jerk.m12));
-    assert!((on_arm - above(past.jerk_mps3.x)).abs() < 0.01, "{on_arm}");
-    above(past.jerk_mps3.x)
+    assert!(past.jerk_mps3.yz().norm() < 1000.0 * ROUNDING);
+    let deviation = |jerk: f64| -0.5 * memory_s * memory_s * jerk;
+    // Interpolation between means reduces an oscillation by some thousandths.
+    let on_arm = deviation(f64::from(past.attitude_jerk.m12));
+    assert!(
+        (on_arm - deviation(past.jerk_mps3.x)).abs() < 0.01,
+        "{on_arm}"
+    );
+    deviation(past.jerk_mps3.x)
 }
 
 #[test]
-fn a_smoothed_velocity_is_that_of_a_low_pass() {
+fn smoothed_velocity_matches_a_low_pass() {
     for (memory_s, rate) in [(0.5_f64, 2.0_f64), (0.2, 6.0)] {
-        let swing = |t: f64| (rate * t).sin();
-        let swung = |t: f64| -(rate * t).cos() / rate;
+        let oscillation = |t: f64| (rate * t).sin();
+        let integral = |t: f64| -(rate * t).cos() / rate;
         let phase = rate * memory_s;
-        let passed = |t: f64| (swing(t) - phase * (rate * t).cos()) / (1.0 + phase * phase);
+        let low_pass = |t: f64| (oscillation(t) - phase * (rate * t).cos()) / (1.0 + phase * phase);
         for t in [2.1, 2.24, 2.37] {
-            let above = above_mean(memory_s, t, swung, swing);
-            let expected = swing(t) - passed(t + memory_s);
-            // Even accelerations over the intervals, a decay to second order, and what lies before the ring:
-            // some hundredths. By its second derivative alone it is twice as much.
-            assert!((above - expected).abs() < 0.04, "{t}: {above} {expected}");
+            let deviation = above_low_pass(memory_s, t, integral, oscillation);
+            let expected = oscillation(t) - low_pass(t + memory_s);
+            // Constant acceleration per interval, decay to second order, and the start of the ring cause some
+            // hundredths. The second derivative alone would be off by twice as much.
+            assert!(
+                (deviation - expected).abs() < 0.04,
+                "{t}: {deviation} {expected}"
+            );
         }
     }
-    // A steady acceleration only makes it late.
-    let late = above_mean(0.5, 2.24, |t| 1.5 * t * t, |t| 3.0 * t);
-    assert!(late.abs() < SINGLE);
+    // A constant acceleration only causes a delay.
+    let late = above_low_pass(0.5, 2.24, |t| 1.5 * t * t, |t| 3.0 * t);
+    assert!(late.abs() < ROUNDING);
 }
 
-/// Everything a span holds, in one list.
+/// All components of a span.
 fn numbers(span: &Span) -> Vec<f64> {
     let Span {
         seconds,
@@ -203,8 +215,8 @@ fn numbers(span: &Span) -> Vec<f64> {
 
 fn assert_same(one: &Span, other: &Span, relative: f64) {
     for (a, b) in numbers(one).iter().zip(numbers(other)) {
-        let off = (a - b).abs();
-        assert!(off < relative * (1.0 + a.abs()), "{one:?} {other:?}");
+        let error = (a - b).abs();
+        assert!(error < relative * (1.0 + a.abs()), "{one:?} {other:?}");
     }
 }
 
@@ -213,7 +225,7 @@ fn vector(largest: f64) -> impl Strategy<Value = Vector3<f64>> {
     [number(), number(), number()].prop_map(Vector3::from)
 }
 
-/// Whatever may have happened in a tenth of a second; no part of it says what another must be.
+/// Any span of a tenth of a second; components need not be consistent.
 fn any_span() -> impl Strategy<Value = Span> {
     let forces = (vector(5.0), vector(0.5), vector(0.3), -0.3..0.3);
     let controls = (vector(0.1), vector(0.5), vector(0.1), vector(3.0));
@@ -251,7 +263,7 @@ fn ring_of(spans: &[Span]) -> (History<N>, Time) {
     (history, time)
 }
 
-/// All from one moment to another, put together from pieces.
+/// Concatenation of the pieces between two times, and their ends.
 fn total(history: &History<N>, from: Time, to: Time, longest_s: f64) -> (Span, Vec<Time>) {
     let (mut whole, mut ends) = (Span::default(), Vec::new());
     let mut at = from;
@@ -265,7 +277,7 @@ fn total(history: &History<N>, from: Time, to: Time, longest_s: f64) -> (Span, V
 
 proptest! {
     #[test]
-    fn it_does_not_matter_which_spans_are_put_together_first(
+    fn concatenation_is_associative(
         a in any_span(), b in any_span(), c in any_span(),
     ) {
         assert_same(&a.then(&b).then(&c), &a.then(&b.then(&c)), 1e-12);
@@ -273,9 +285,9 @@ proptest! {
         assert_same(&Span::default().then(&a), &a, 1e-15);
     }
 
-    /// In pieces of any length, and with any moments between.
+    /// For any length of pieces and any times between.
     #[test]
-    fn the_past_is_the_same_however_it_is_cut(
+    fn spans_are_independent_of_their_division(
         spans in prop::collection::vec(any_span(), 1..N),
         cuts in prop::collection::vec(0.0_f64..1.0, 0..5),
         longest_s in 0.01_f64..0.5,
@@ -284,82 +296,91 @@ proptest! {
         let start = Time::default();
         let all = spans.iter().fold(Span::default(), Span::then);
         let (whole, ends) = total(&history, start, end, f64::MAX);
-        assert_same(&whole, &all, SINGLE);
+        assert_same(&whole, &all, ROUNDING);
         prop_assert_eq!(ends, [end]);
 
-        let mut moments: Vec<Time> = cuts.iter().map(|c| start.plus_seconds(c * all.seconds)).collect();
-        moments.sort();
-        moments.push(end);
+        let mut times: Vec<Time> = cuts.iter().map(|c| start.plus_seconds(c * all.seconds)).collect();
+        times.sort();
+        times.push(end);
         let (mut from, mut pieces) = (start, Span::default());
-        for to in moments {
+        for to in times {
             let (part, ends) = total(&history, from, to, longest_s);
             prop_assert!(ends.is_sorted());
             prop_assert_eq!(ends.last().copied().unwrap_or(to), to);
-            prop_assert!((part.seconds - to.seconds_since(from)).abs() < SINGLE);
+            prop_assert!((part.seconds - to.seconds_since(from)).abs() < ROUNDING);
             (from, pieces) = (to, pieces.then(&part));
         }
-        assert_same(&pieces, &all, 3.0 * SINGLE);
+        assert_same(&pieces, &all, 3.0 * ROUNDING);
     }
 }
 
-/// One step of a steady tilt, force and control: what follows from the definitions.
-fn steady(seconds: f64, force: &Vector3<f64>, rate: &Vector3<f64>, push: &Vector3<f64>) -> Span {
+/// Span of constant tilt rate, force and control, by the definitions.
+fn constant_span(
+    seconds: f64,
+    force: &Vector3<f64>,
+    rate: &Vector3<f64>,
+    control_mps2: &Vector3<f64>,
+) -> Span {
     let (tilt, f) = (rate * seconds, force * seconds);
-    let bent = f.cross(&tilt);
+    let curvature = f.cross(&tilt);
     Span {
         seconds,
         force_mps: f,
         force_position_m: 0.5 * seconds * f,
         control_tilt_rad: tilt,
-        control_velocity_mps: push * seconds + 0.5 * bent,
-        control_position_m: seconds * (0.5 * push * seconds + bent / 6.0),
+        control_velocity_mps: control_mps2 * seconds + 0.5 * curvature,
+        control_position_m: seconds * (0.5 * control_mps2 * seconds + curvature / 6.0),
         ..Span::default()
     }
 }
 
-/// Of steady controls the part is that of the shorter time, not only the sum of parts right.
+/// Not only the sum of the parts.
 #[test]
-fn a_part_of_a_steady_span_is_what_happened_in_it() {
+fn a_part_of_a_constant_span_is_that_of_the_shorter_time() {
     let (force, rate) = (Vector3::new(1.0, -2.0, 9.8), Vector3::new(0.1, 0.2, -0.1));
-    let push = Vector3::new(0.3, 0.1, -0.2);
-    let (history, _) = ring_of(&[steady(0.12, &force, &rate, &push)]);
+    let control_mps2 = Vector3::new(0.3, 0.1, -0.2);
+    let (history, _) = ring_of(&[constant_span(0.12, &force, &rate, &control_mps2)]);
     for (from, to) in [(0.0, 0.05), (0.03, 0.07), (0.05, 0.12)] {
-        let (part, _) = total(&history, at_s(from), at_s(to), 1.0);
-        assert_same(&part, &steady(to - from, &force, &rate, &push), SINGLE);
+        let (part, _) = total(&history, time_at(from), time_at(to), 1.0);
+        assert_same(
+            &part,
+            &constant_span(to - from, &force, &rate, &control_mps2),
+            ROUNDING,
+        );
     }
 }
 
-/// Latency that regular fixes without noise would show, s, of a vehicle whose velocity swings nearly as fast
-/// as the ring while it accelerates by some m/s^2.
-fn latency_shown(hz: f64, fixes_hz: f64, first_s: f64) -> f64 {
+/// Latency estimated from regular noise-free fixes, s, of a vehicle whose velocity oscillates nearly at the
+/// rate of the ring while it accelerates by some m/s^2.
+fn apparent_latency_s(hz: f64, fixes_hz: f64, first_s: f64) -> f64 {
     use std::f64::consts::TAU;
     let (slow, fast) = (0.1 * TAU, hz * TAU);
     let velocity = |t: f64| 3.0 * (slow * t).sin() + 0.08 * (fast * t).sin();
-    let way = |t: f64| -3.0 / slow * (slow * t).cos() - 0.08 / fast * (fast * t).cos();
+    let position = |t: f64| -3.0 / slow * (slow * t).cos() - 0.08 / fast * (fast * t).cos();
     let mut history = History::<4>::default();
     let (mut last, mut fix) = (0.0, first_s);
     let mut shown = [0.0; 2];
     for sample in 1..30_000 {
         let now = 0.01 * f64::from(sample);
-        if !history.is_due(at_s(now), 0.01) {
+        if !history.is_due(time_at(now), 0.01) {
             continue;
         }
         let seconds = now - last;
         let gained = velocity(now) - velocity(last);
-        let moved = way(now) - way(last) - velocity(last) * seconds;
+        let moved = position(now) - position(last) - velocity(last) * seconds;
         let up = Vector3::z() * GRAVITY_EQUATOR_MPS2;
         let span = Span {
             seconds,
             force_mps: Vector3::x() * gained + up * seconds,
             force_position_m: Vector3::x() * moved + up * (0.5 * seconds * seconds),
             attitude_s: Matrix3::identity() * seconds,
-            way_m: Vector3::x() * (way(now) - way(last)),
+            way_m: Vector3::x() * (position(now) - position(last)),
             ..Span::default()
         };
         let mean = span.way_m / seconds;
-        history.push(at_s(now), &mean, &span, &Vibration::default());
+        history.push(time_at(now), &mean, &span, &Vibration::default());
         last = now;
-        while let Ok(past) = history.at(at_s(fix), true) {
+        while let Ok(past) = history.at(time_at(fix), true) {
             let accel = past.accel_mps2.x;
             shown[0] += (past.velocity_mps.x - velocity(fix)) * accel;
             shown[1] += accel * accel;
@@ -370,11 +391,11 @@ fn latency_shown(hz: f64, fixes_hz: f64, first_s: f64) -> f64 {
 }
 
 #[test]
-fn a_swing_nearly_as_fast_as_the_ring_shows_no_latency() {
-    // By where the fixes lie, RMS. With a moment of the ring every tenth of a second it is 3 to 7 ms: each
-    // fix is then as far from the moments around it as the last.
+fn oscillation_near_the_ring_rate_causes_no_apparent_latency() {
+    // RMS over the phase of the fixes. With a ring entry every tenth of a second it is 3 to 7 ms: each fix is
+    // then at the same phase between entries.
     for (hz, fixes_hz) in [(4.1, 5.0), (4.9, 10.0), (4.7, 1.0), (6.1, 5.0)] {
-        let shown = (0..20).map(|k| latency_shown(hz, fixes_hz, 1.0 + 0.0055 * f64::from(k)));
+        let shown = (0..20).map(|k| apparent_latency_s(hz, fixes_hz, 1.0 + 0.0055 * f64::from(k)));
         let rms_s = (shown.map(|s| s * s).sum::<f64>() / 20.0).sqrt();
         assert!(rms_s < 2e-3, "{hz} Hz, fixes at {fixes_hz} Hz: {rms_s} s");
     }

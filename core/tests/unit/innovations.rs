@@ -1,4 +1,4 @@
-//! Which fixes pass the gate, how strong their noise is, and when it is the INS which errs.
+//! Gate of the fixes, estimation of their noise, and detection of a diverged INS.
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::panic)]
 
@@ -8,7 +8,7 @@ use crate::innovations::{GateResult, Innovations, NisTest, Resets, ratio_to_conf
 use nalgebra::Vector2;
 
 const RANGE: [f64; 2] = [0.1, 10.0];
-/// Noise of the fixes, m/s, and what the INS adds to its variance.
+/// Noise of the fixes, m/s, and variance of the INS.
 const SIGMA: f64 = 0.1;
 const PREDICTED: f64 = 0.05 * 0.05;
 
@@ -19,9 +19,9 @@ fn gate(innovations: &mut Innovations, at_s: f64, innovation: Vector2<f64>) -> G
 
 const WRONG: Vector2<f64> = Vector2::new(4.0, -3.0);
 
-/// A burst of a second, of whatever a receiver makes of a reflection.
+/// A burst of a second, as by multipath.
 #[test]
-fn ten_wrong_fixes_in_a_row_do_not_open_the_gate() {
+fn a_burst_of_wrong_fixes_is_rejected() {
     let mut innovations = Innovations::default();
     for k in 0..10 {
         let at_s = 0.1 * f64::from(k);
@@ -36,7 +36,7 @@ fn ten_wrong_fixes_in_a_row_do_not_open_the_gate() {
         gate(&mut innovations, 1.0, good),
         GateResult::Accepted(SIGMA * SIGMA)
     );
-    // And the burst is forgotten: another one has to last as long.
+    // An accepted fix ends the burst: another one has to last as long.
     for k in 0..149 {
         let at_s = 1.1 + 0.1 * f64::from(k);
         assert_eq!(
@@ -48,36 +48,36 @@ fn ten_wrong_fixes_in_a_row_do_not_open_the_gate() {
 }
 
 #[test]
-fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
+fn fixes_consistent_for_15_s_indicate_divergence() {
     for interval_s in [0.1, 1.0] {
         let mut innovations = Innovations::default();
         let (mut at_s, mut count) = (0.0, 0);
-        let lost = loop {
-            // They agree as far as noise lets them.
+        let result = loop {
+            // Consistent within noise.
             let sign = if at_s % (2.0 * interval_s) < interval_s {
                 1.0
             } else {
                 -1.0
             };
-            // One of five is wrong on top.
+            // One of five is an additional outlier.
             count += 1;
-            let wild = if count % 5 == 3 {
+            let outlier = if count % 5 == 3 {
                 3.0 * sign
             } else {
                 0.1 * sign
             };
-            match gate(&mut innovations, at_s, WRONG + Vector2::repeat(wild)) {
+            match gate(&mut innovations, at_s, WRONG + Vector2::repeat(outlier)) {
                 GateResult::Rejected => at_s += interval_s,
                 other => break other,
             }
             assert!(at_s < 30.0);
         };
         assert!((at_s - 15.0).abs() <= interval_s, "{at_s}");
-        let GateResult::Diverged(error) = lost else {
-            panic!("{lost:?}")
+        let GateResult::Diverged(error) = result else {
+            panic!("{result:?}")
         };
         assert!((error - WRONG).norm() < 0.1 * WRONG.norm(), "{error}");
-        // The next burst begins anew.
+        // The next burst starts from zero.
         assert_eq!(
             gate(&mut innovations, at_s + 0.1, WRONG),
             GateResult::Rejected
@@ -85,9 +85,9 @@ fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
     }
 }
 
-/// An INS that is tilted runs away from all of them: between two by more than noise explains.
+/// A tilted INS diverges from all fixes: between two by more than noise explains.
 #[test]
-fn an_ins_that_runs_away_is_wrong() {
+fn a_growing_innovation_indicates_divergence() {
     let mut innovations = Innovations::default();
     for k in 0..150 {
         let at_s = 0.1 * f64::from(k);
@@ -95,27 +95,27 @@ fn an_ins_that_runs_away_is_wrong() {
         assert_eq!(result, GateResult::Rejected, "{k}");
     }
     let now = Time::default().plus_seconds(14.9);
-    let [apart_mps, runs_mps] = innovations.rejected_offset(now);
-    assert_eq!(apart_mps, WRONG * 15.9);
-    assert_eq!(runs_mps, apart_mps * (2.0 / 14.9));
+    let [offset_mps, rate_mps2] = innovations.rejected_offset(now);
+    assert_eq!(offset_mps, WRONG * 15.9);
+    assert_eq!(rate_mps2, offset_mps * (2.0 / 14.9));
     let result = gate(&mut innovations, 15.1, WRONG * 16.1);
     assert!(matches!(result, GateResult::Diverged(_)), "{result:?}");
 }
 
 #[test]
-fn wrong_fixes_that_contradict_each_other_never_do() {
+fn inconsistent_wrong_fixes_do_not_indicate_divergence() {
     let mut innovations = Innovations::default();
     for k in 0..1000 {
         let angle = 0.7 * f64::from(k);
-        let wild = 5.0 * Vector2::new(angle.cos(), angle.sin());
-        let result = gate(&mut innovations, 0.1 * f64::from(k), wild);
+        let outlier = 5.0 * Vector2::new(angle.cos(), angle.sin());
+        let result = gate(&mut innovations, 0.1 * f64::from(k), outlier);
         assert_eq!(result, GateResult::Rejected, "{k}");
     }
 }
 
-/// Huber: the weight falls as the innovation grows, so that its pull stays that of three sigma.
+/// Huber weights: the correction is that of three sigmas at most.
 #[test]
-fn large_innovations_pull_no_more_than_three_sigma() {
+fn large_innovations_are_limited_to_three_sigmas() {
     let total = 2.0 * (PREDICTED + SIGMA * SIGMA);
     let mut innovations = Innovations::default();
     for sigmas in [0.5, 2.9] {
@@ -139,7 +139,7 @@ fn large_innovations_pull_no_more_than_three_sigma() {
     assert_eq!(refused, GateResult::Rejected);
 }
 
-/// Normal numbers of variance one, as good as any: three uniform ones.
+/// Approximately normal numbers of unit variance: sums of three uniform ones.
 fn noise(count: usize) -> impl Iterator<Item = Vector2<f64>> {
     let mut state = 1_u64;
     let mut uniform = move || {
@@ -153,7 +153,7 @@ fn noise(count: usize) -> impl Iterator<Item = Vector2<f64>> {
 }
 
 #[test]
-fn the_strength_of_noise_is_learnt_within_its_range() {
+fn noise_scale_is_learnt_within_its_range() {
     for (true_scale, learnt) in [
         (1.0, 1.0),
         (9.0, 9.0),
@@ -170,18 +170,17 @@ fn the_strength_of_noise_is_learnt_within_its_range() {
                 mean += innovations.scale / 16_000.0;
             }
         }
-        // Over its memory of 400 pairs it scatters by a twentieth, and squares beyond nine sigma
-        // count for nine.
+        // With a memory of 400 pairs it scatters by a twentieth; squares are limited to nine.
         assert!((mean / learnt - 1.0).abs() < 0.03, "{true_scale}: {mean}");
         // White noise has no correlation.
         assert!(innovations.inflation() < 1.3, "{}", innovations.inflation());
     }
 }
 
-/// Where three quarters of the variance are the INS's own the noise takes sixteen times as long to be
-/// learnt of, and what is learnt is not made a quarter of.
+/// If three quarters of the variance are due to the INS, learning takes sixteen times as long, and the result is
+/// still that of the noise alone.
 #[test]
-fn an_uncertain_ins_says_little_of_the_noise() {
+fn an_uncertain_ins_slows_noise_learning() {
     let mut innovations = Innovations::default();
     for (k, sigmas) in noise(20_000).enumerate() {
         let total = 3.0 + innovations.scale;
@@ -199,22 +198,22 @@ fn an_uncertain_ins_says_little_of_the_noise() {
 }
 
 #[test]
-fn correlation_is_seen() {
-    // Each is 0.6 of the one before and what is new: variance one.
+fn correlation_is_estimated() {
+    // First-order Markov with 0.6 and unit variance.
     let mut innovations = Innovations::default();
     let mut coloured = Vector2::zeros();
     for new in noise(5000) {
         coloured = 0.6 * coloured + 0.8 * new;
         innovations.learn(coloured.norm_squared() / 2.0, 1.0, &coloured, RANGE);
     }
-    // A mean of such numbers varies by (1 + 0.6) / (1 - 0.6) times what one of white ones does;
-    // 200 pairs tell 0.6 to 0.06.
+    // The variance of a mean is (1 + 0.6) / (1 - 0.6) times that of white numbers; 200 pairs give 0.6 to
+    // within 0.06.
     let inflation = innovations.inflation();
     assert!((2.8..5.6).contains(&inflation), "{inflation}");
 }
 
 #[test]
-fn one_wild_innovation_does_not_open_the_gate_for_the_next() {
+fn one_outlier_hardly_changes_the_noise_scale() {
     let mut innovations = Innovations::default();
     innovations.learn(1e12, 1.0, &Vector2::repeat(1e6), RANGE);
     assert!(innovations.scale < 1.3, "{}", innovations.scale);
@@ -222,7 +221,7 @@ fn one_wild_innovation_does_not_open_the_gate_for_the_next() {
 }
 
 #[test]
-fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
+fn stated_sigmas_are_relative_to_their_average_or_to_the_configuration() {
     let mut stated = Innovations::default();
     for _ in 0..100 {
         assert!((stated.ratio_to_average(0.4 * 0.4) - 1.0).abs() < 1e-12);
@@ -241,7 +240,7 @@ fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
 }
 
 #[test]
-fn resets_that_do_not_help_need_a_new_alignment() {
+fn repeated_resets_exceed_the_limit() {
     let mut resets = Resets::default();
     for at_s in [0.0, 50.0, 120.0, 170.0] {
         resets.add(Time::default().plus_seconds(at_s));
@@ -251,9 +250,9 @@ fn resets_that_do_not_help_need_a_new_alignment() {
     assert!(resets.is_exceeded());
 }
 
-/// Two resets of long ago and a jump that was mended are no three in a row.
+/// Nor does a corrected jump.
 #[test]
-fn resets_of_long_ago_do_not_count() {
+fn old_resets_do_not_count() {
     let mut resets = Resets::default();
     for at_s in [0.0, 50.0] {
         resets.add(Time::default().plus_seconds(at_s));
@@ -264,7 +263,7 @@ fn resets_of_long_ago_do_not_count() {
 }
 
 #[test]
-fn a_large_nis_has_to_last() {
+fn nis_test_requires_a_lasting_excess() {
     let mut nis = NisTest::default();
     for _ in 0..600 {
         nis.add(2.0, 0.1);

@@ -1,4 +1,4 @@
-//! A jump shows in innovations that point where it would; noise and wrong fixes do not.
+//! Detection of parameter jumps from innovations along their partials, not by noise or wrong fixes.
 #![allow(clippy::disallowed_methods)]
 
 use super::{AZIMUTH, INITIAL_LATENCY, Jump, JumpTest, LATENCY};
@@ -7,74 +7,75 @@ use crate::deviates::Deviates;
 /// Ten fixes a second, of this standard deviation.
 const FIX_S: f64 = 0.1;
 const SIGMA: f64 = 0.05;
-/// What is known of the azimuth, rad^2.
-const KNOWN: f64 = 1e-6;
+/// Variance of the azimuth, rad^2.
+const VARIANCE: f64 = 1e-6;
 
-/// What a unit of azimuth adds to a fix: manoeuvres that change direction.
-fn by(fix: u32) -> [f64; 2] {
+/// Partial of a fix by azimuth, in manoeuvres that change direction.
+fn partial(fix: u32) -> [f64; 2] {
     let phase = 0.02 * f64::from(fix);
-    [phase.cos(), (1.7 * phase).sin()].map(|by| 5.0 * by)
+    [phase.cos(), (1.7 * phase).sin()].map(|partial| 5.0 * partial)
 }
 
-/// Fixes until a jump is found, looked for once a second, and its square.
-fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64)> {
+/// Fixes until a jump is detected, tested once a second, and its square.
+fn detected(fixes: u32, mut signal: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64)> {
     let (mut jump, mut deviates) = (Jump::default(), Deviates(7));
     (0..fixes).find_map(|fix| {
-        let innovation = wrong(fix).map(|wrong| wrong + SIGMA * f64::from(deviates.next()));
+        let innovation = signal(fix).map(|signal| signal + SIGMA * f64::from(deviates.next()));
         jump.add(
             &innovation.into(),
-            &by(fix).into(),
+            &partial(fix).into(),
             SIGMA * SIGMA,
             FIX_S,
             &AZIMUTH,
         );
-        let look = fix % 10 == 9;
-        let square = look.then(|| jump.detect(KNOWN, 1.0, &AZIMUTH)).flatten();
+        let is_due = fix % 10 == 9;
+        let square = is_due
+            .then(|| jump.detect(VARIANCE, 1.0, &AZIMUTH))
+            .flatten();
         square.map(|square| (fix, square))
     })
 }
 
 #[test]
-fn a_jump_is_found_within_seconds_and_as_large_as_it_is() {
+fn a_jump_is_detected_within_seconds_with_its_size() {
     for size in [0.03, -0.3] {
-        let shown = |fix| {
+        let innovation_of_jump = |fix| {
             let after = if fix < 600 { 0.0 } else { size };
-            by(fix).map(|by| after * by)
+            partial(fix).map(|partial| after * partial)
         };
-        let (fix, square) = found(2000, shown).unwrap_or_default();
-        // The least time, thirty fixes, and more where noise had made it look back before the jump.
+        let (fix, square) = detected(2000, innovation_of_jump).unwrap_or_default();
+        // The least time is thirty fixes, more if the interval includes some before the jump.
         assert!((629..700).contains(&fix), "{fix}");
-        // Twice the size, thinned by that.
+        // Up to twice the size, and less if so.
         let stated = square.sqrt() / f64::abs(size);
         assert!((0.5..2.1).contains(&stated), "{stated}");
     }
 }
 
-/// Of innovations that are twice what they should be half is noise, whatever the other half is.
 #[test]
-fn a_jump_is_found_in_noise_of_its_own_size() {
-    let shown = |fix| {
+fn a_jump_is_detected_in_noise_of_its_own_size() {
+    let innovation_of_jump = |fix| {
         let after = if fix < 600 { 0.0 } else { 0.01 };
-        by(fix).map(|by| after * by)
+        partial(fix).map(|partial| after * partial)
     };
-    let (fix, _) = found(2000, shown).unwrap_or_default();
+    let (fix, _) = detected(2000, innovation_of_jump).unwrap_or_default();
     assert!((629..700).contains(&fix), "{fix}");
 }
 
-/// Ten hours: at five sigmas, and three seconds of agreement, chance has no say.
+/// Ten hours: no false alarm at five sigmas and three seconds of agreement.
 #[test]
-fn noise_is_no_jump() {
-    assert_eq!(found(360_000, |_| [0.0; 2]), None);
+fn noise_triggers_no_jump() {
+    assert_eq!(detected(360_000, |_| [0.0; 2]), None);
 }
 
-/// A burst of a second is large in its sigmas, and too short to point where a jump does.
+/// A burst of a second is large but too short to follow the partials.
 #[test]
-fn wrong_fixes_are_no_jump() {
+fn wrong_fixes_trigger_no_jump() {
     let one = |fix| [if fix == 700 { 50.0 } else { 0.0 }; 2];
-    assert_eq!(found(2000, one), None);
+    assert_eq!(detected(2000, one), None);
     let second = |fix| [if (700..710).contains(&fix) { 2.0 } else { 0.0 }; 2];
-    assert_eq!(found(2000, second), None);
-    // And many, each elsewhere.
+    assert_eq!(detected(2000, second), None);
+    // Many bursts of different directions.
     let many = |fix: u32| {
         let angle = f64::from(fix / 10 * 10);
         if fix % 100 < 10 {
@@ -83,59 +84,71 @@ fn wrong_fixes_are_no_jump() {
             [0.0; 2]
         }
     };
-    assert_eq!(found(20_000, many), None);
+    assert_eq!(detected(20_000, many), None);
 }
 
-/// A platform that was tipped leans on what it feels: that goes on the same way, as a latency's jump does
-/// while a vehicle gathers speed. Beside such a pull only what changes counts.
+/// A tilted platform causes a constant innovation, as a latency jump does in a constant acceleration. With an
+/// estimated offset only changes count.
 #[test]
-fn what_stays_as_it_is_is_no_jump_of_a_latency() {
-    let looked = |with_offset: bool, wrong: f64| {
+fn a_constant_offset_is_no_latency_jump() {
+    let detect_jump = |with_offset: bool, signal: f64| {
         let (mut jump, mut deviates) = (Jump::default(), Deviates(3));
         let test = JumpTest {
             with_offset,
             ..AZIMUTH
         };
         (0..400).any(|fix| {
-            let swing = 0.3 * (0.05 * f64::from(fix)).sin();
-            let by = [2.0 + swing, -1.0];
-            let innovation = [0.4 + wrong * swing, -0.2].map(|shown| {
+            let oscillation = 0.3 * (0.05 * f64::from(fix)).sin();
+            let partial = [2.0 + oscillation, -1.0];
+            let innovation = [0.4 + signal * oscillation, -0.2].map(|mean| {
                 let noise = f64::from(deviates.next());
-                shown + SIGMA * noise
+                mean + SIGMA * noise
             });
-            jump.add(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, &test);
-            jump.detect(KNOWN, 1.0, &test).is_some()
+            jump.add(
+                &innovation.into(),
+                &partial.into(),
+                SIGMA * SIGMA,
+                FIX_S,
+                &test,
+            );
+            jump.detect(VARIANCE, 1.0, &test).is_some()
         })
     };
-    assert!(looked(false, 0.0));
-    assert!(!looked(true, 0.0));
-    assert!(looked(true, 0.3));
+    assert!(detect_jump(false, 0.0));
+    assert!(!detect_jump(true, 0.0));
+    assert!(detect_jump(true, 0.3));
 }
 
-/// A latency that is whole steps off explains all steps, and no bend, of which there is one in twenty seconds:
-/// accelerations of a walk, a bend's forward and a step's to the side, m/s^2.
+/// A latency error of whole gait cycles is consistent with all steps but not with bends, one in twenty seconds.
+/// Accelerations of a walk, forward in a bend and sideways in a step, m/s^2.
 #[test]
-fn a_latency_that_is_whole_steps_off_is_found_by_bends() {
-    let looked = |test: &JumpTest, off_s: f64| {
+fn a_latency_error_of_whole_gait_cycles_is_detected_in_bends() {
+    let detect_jump = |test: &JumpTest, error_s: f64| {
         let (mut jump, mut deviates) = (Jump::default(), Deviates(5));
         (0..3000).find(|fix| {
             let time_s = FIX_S * f64::from(*fix);
-            let bend = if time_s % 20.0 < 2.0 { 1.0 } else { 0.0 };
-            let step = 1.3 * (7.5 * time_s).sin();
+            let forward = if time_s % 20.0 < 2.0 { 1.0 } else { 0.0 };
+            let side = 1.3 * (7.5 * time_s).sin();
             let noise = [0, 1].map(|_| SIGMA * f64::from(deviates.next()));
-            let innovation = [off_s * bend + noise[0], noise[1]];
-            let by = [bend, step];
-            jump.add(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, test);
-            fix % 10 == 9 && jump.detect(KNOWN, 1.0, test).is_some()
+            let innovation = [error_s * forward + noise[0], noise[1]];
+            let partial = [forward, side];
+            jump.add(
+                &innovation.into(),
+                &partial.into(),
+                SIGMA * SIGMA,
+                FIX_S,
+                test,
+            );
+            fix % 10 == 9 && jump.detect(VARIANCE, 1.0, test).is_some()
         })
     };
-    // Three bends and what is left of each in the mean make the least time in which it is seen.
-    let found = looked(&INITIAL_LATENCY, 0.4);
+    // Three bends, averaged, are the least time of detection.
+    let detected = detect_jump(&INITIAL_LATENCY, 0.4);
     assert!(
-        found.is_some_and(|fix| (400..1000).contains(&fix)),
-        "{found:?}"
+        detected.is_some_and(|fix| (400..1000).contains(&fix)),
+        "{detected:?}"
     );
-    assert_eq!(looked(&INITIAL_LATENCY, 0.0), None);
-    // Among steps that it explains it is lost.
-    assert_eq!(looked(&LATENCY, 0.4), None);
+    assert_eq!(detect_jump(&INITIAL_LATENCY, 0.0), None);
+    // Not detectable among steps that are consistent with it.
+    assert_eq!(detect_jump(&LATENCY, 0.4), None);
 }

@@ -1,11 +1,11 @@
-//! Against dense algebra.
+//! Square-root information filter against dense covariance algebra.
 #![allow(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
     clippy::disallowed_methods,
     clippy::unwrap_used,
     clippy::indexing_slicing,
-    // The very bits are asked for.
+    // Bits are compared.
     clippy::float_cmp
 )]
 
@@ -14,7 +14,7 @@ use proptest::prelude::*;
 
 use super::LeastSquares;
 
-/// The same knowledge as mean and covariance, by the textbook's formulas.
+/// The same estimate as mean and covariance, by the textbook formulas.
 #[derive(Clone, Copy, Debug)]
 struct Gaussian {
     mean: Vector4<f64>,
@@ -25,48 +25,48 @@ impl Gaussian {
     fn measure(&mut self, row: &Vector4<f64>, measured: f64, variance: f64) {
         let gain = self.covariance * row / (row.dot(&(self.covariance * row)) + variance);
         self.mean += gain * (measured - row.dot(&self.mean));
-        let kept = Matrix4::identity() - gain * row.transpose();
-        self.covariance =
-            kept * self.covariance * kept.transpose() + gain * variance * gain.transpose();
+        let i_minus_kh = Matrix4::identity() - gain * row.transpose();
+        self.covariance = i_minus_kh * self.covariance * i_minus_kh.transpose()
+            + gain * variance * gain.transpose();
     }
 
     fn redefine(&mut self, index: usize, others: &Vector4<f64>) {
-        let mut map = Matrix4::identity();
+        let mut transformation = Matrix4::identity();
         for k in 0..4 {
-            map[(index, k)] += others[k];
+            transformation[(index, k)] += others[k];
         }
-        self.mean = map * self.mean;
-        self.covariance = map * self.covariance * map.transpose();
+        self.mean = transformation * self.mean;
+        self.covariance = transformation * self.covariance * transformation.transpose();
     }
 }
 
 #[derive(Clone, Debug)]
-enum WalkStep {
+enum Operation {
     Measure([Vector4<f64>; 2], [f64; 2], [f64; 2]),
     Direct(usize, f64, f64),
     Diffuse(usize, f64),
     Redefine(usize, Vector4<f64>),
-    CountFromSolution,
+    ZeroSolution,
 }
 
-fn step() -> impl Strategy<Value = WalkStep> {
+fn step() -> impl Strategy<Value = Operation> {
     let number = || -3.0_f64..3.0;
     let four = || [number(), number(), number(), number()].prop_map(Vector4::from);
     let variance = || 0.05_f64..5.0;
     prop_oneof![
         6 => ([four(), four()], [number(), number()], [variance(), variance()])
-            .prop_map(|(r, m, v)| WalkStep::Measure(r, m, v)),
-        1 => (0..4_usize, number(), variance()).prop_map(|(i, m, v)| WalkStep::Direct(i, m, v)),
-        2 => (0..4_usize, variance()).prop_map(|(i, v)| WalkStep::Diffuse(i, v)),
-        2 => (0..4_usize, four()).prop_map(|(i, c)| WalkStep::Redefine(i, c)),
-        1 => Just(WalkStep::CountFromSolution),
+            .prop_map(|(r, m, v)| Operation::Measure(r, m, v)),
+        1 => (0..4_usize, number(), variance()).prop_map(|(i, m, v)| Operation::Direct(i, m, v)),
+        2 => (0..4_usize, variance()).prop_map(|(i, v)| Operation::Diffuse(i, v)),
+        2 => (0..4_usize, four()).prop_map(|(i, c)| Operation::Redefine(i, c)),
+        1 => Just(Operation::ZeroSolution),
     ]
 }
 
 proptest! {
-    /// Whatever is done to it, what it knows is that of the covariance treated alike.
+    /// For any sequence of operations.
     #[test]
-    fn least_squares_is_the_covariance_seen_from_the_other_side(
+    fn least_squares_matches_the_covariance_form(
         steps in prop::collection::vec(step(), 1..60),
         asked in [-3.0_f64..3.0, -3.0..3.0, -3.0..3.0, -3.0..3.0],
     ) {
@@ -76,47 +76,47 @@ proptest! {
         let mut gaussian = Gaussian { mean: Vector4::zeros(), covariance };
         for step in steps {
             match step {
-                WalkStep::Measure([a, b], measured, variance) => {
+                Operation::Measure([a, b], measured, variance) => {
                     let single = |x: f64| x as f32;
                     let mut both = core::array::from_fn(|k| [single(a[k]), single(b[k])]);
                     rows.add(&mut both, measured.map(single), variance.map(|v| single(1.0 / v)));
                     gaussian.measure(&a, measured[0], variance[0]);
                     gaussian.measure(&b, measured[1], variance[1]);
                 }
-                WalkStep::Direct(index, measured, variance) => {
+                Operation::Direct(index, measured, variance) => {
                     rows.add_direct(index, [measured as f32], [variance as f32]);
                     gaussian.measure(&Vector4::ith(index, 1.0), measured, variance);
                 }
-                WalkStep::Diffuse(index, variance) => {
+                Operation::Diffuse(index, variance) => {
                     let step = rows.diffuse(index, variance as f32).unwrap();
                     let before = gaussian.covariance;
                     gaussian.covariance[(index, index)] += variance;
-                    // Of the step and the parameters after it: what they tell of it.
-                    let told = variance * gaussian.covariance.try_inverse().unwrap().column(index);
-                    let left = variance * (1.0 - told[index]);
+                    // Estimated step, from the parameters after it.
+                    let expected_step = variance * gaussian.covariance.try_inverse().unwrap().column(index);
+                    let remaining = variance * (1.0 - expected_step[index]);
                     let condition = before.norm() * before.try_inverse().unwrap().norm();
                     let rounding = 3e-5 * condition.sqrt().max(10.0);
                     prop_assume!(rounding < 0.05);
-                    let off = step.by.map(f64::from) + told;
-                    prop_assert!(off.norm() < rounding * told.norm().max(1.0), "{off} of {told}");
-                    let of_variance = f64::from(step.variance) / left - 1.0;
-                    prop_assert!(of_variance.abs() < rounding, "{of_variance}");
-                    let z = -told.dot(&gaussian.mean);
-                    let size = told.norm().max(1.0) * gaussian.mean.norm().max(1.0);
+                    let error = step.by.map(f64::from) + expected_step;
+                    prop_assert!(error.norm() < rounding * expected_step.norm().max(1.0), "{error} of {expected_step}");
+                    let variance_error = f64::from(step.variance) / remaining - 1.0;
+                    prop_assert!(variance_error.abs() < rounding, "{variance_error}");
+                    let z = -expected_step.dot(&gaussian.mean);
+                    let size = expected_step.norm().max(1.0) * gaussian.mean.norm().max(1.0);
                     prop_assert!((f64::from(step.z) - z).abs() < rounding * size, "{z}");
                 }
-                WalkStep::Redefine(index, mut later) => {
+                Operation::Redefine(index, mut later) => {
                     later.rows_mut(0, index + 1).fill(0.0);
                     rows.redefine(index, &later.cast());
                     gaussian.redefine(index, &later);
                 }
-                WalkStep::CountFromSolution => {
+                Operation::ZeroSolution => {
                     rows.zero_solution();
                     gaussian.mean = Vector4::zeros();
                 }
             }
         }
-        // Repeated renaming makes both ill-conditioned: rounding times the root of that.
+        // Repeated redefinitions are ill-conditioned: rounding times the root of the condition number.
         let condition = gaussian.covariance.norm() * gaussian.covariance.try_inverse().unwrap().norm();
         let rounding = 3e-5 * condition.sqrt().max(10.0);
         prop_assume!(rounding < 0.05);
@@ -133,9 +133,9 @@ proptest! {
         prop_assert!((variance - expected).abs() < rounding * gaussian.covariance.norm() * asked.norm_squared());
     }
 
-    /// What rows add to the sum of squared residuals is what is left of them in the end.
+    /// The sum of what rows add is the sum of squared residuals of the solution.
     #[test]
-    fn contradictions_are_counted(
+    fn squared_residuals_are_summed(
         rows in prop::collection::vec(([-3.0_f32..3.0, -3.0..3.0], -3.0_f32..3.0), 1..20),
     ) {
         let sigma = Vector2::new(1.0, 2.0);
@@ -145,14 +145,13 @@ proptest! {
             misfit += squares.add(&mut [[*a], [*b]], [*measured], [1.0]).square;
         }
         let x = squares.solve();
-        let left = rows.iter().map(|([a, b], m)| (a * x.x + b * x.y - m).powi(2)).sum::<f32>();
-        let expected = left + x.x * x.x + x.y * x.y / 4.0;
+        let residuals = rows.iter().map(|([a, b], m)| (a * x.x + b * x.y - m).powi(2)).sum::<f32>();
+        let expected = residuals + x.x * x.x + x.y * x.y / 4.0;
         prop_assert!((misfit - expected).abs() < 1e-4 * (1.0 + expected));
     }
 
-    /// The last parameters, if they are known exactly, change no bit of the others.
     #[test]
-    fn what_is_known_exactly_is_left_out(
+    fn parameters_known_exactly_change_no_bit_of_the_others(
         rows in prop::collection::vec(([-3.0_f32..3.0, -3.0..3.0, -3.0..3.0, -3.0..3.0], -3.0_f32..3.0), 1..20),
     ) {
         let mut few = LeastSquares::<2, 3>::from_prior(&Vector2::new(1.0, 2.0));
@@ -176,12 +175,12 @@ proptest! {
 }
 
 #[test]
-fn an_index_that_does_not_exist_changes_nothing() {
+fn an_invalid_index_changes_nothing() {
     let before = LeastSquares::<2, 3>::from_prior(&Vector2::repeat(1.0));
     let mut after = before;
     after.add_direct(2, [1.0], [1.0]);
     after.diffuse(2, 1.0);
-    // Nor does a walk whose inverse is beyond all numbers.
+    // Nor does a walk whose inverse overflows.
     after.diffuse(0, 1e-40);
     after.redefine(2, &Vector2::zeros());
     assert_eq!(after, before);

@@ -1,4 +1,4 @@
-//! Climbs and descents with noisy heights: the sign is found, and none is found where there is none.
+//! Sign of vertical velocity from climbs and descents with noisy heights, and from accelerometers.
 #![allow(clippy::disallowed_methods)]
 
 use proptest::prelude::*;
@@ -6,13 +6,13 @@ use proptest::prelude::*;
 use super::{AVERAGING_S, VerticalSign, sign_variance};
 use crate::{Config, GnssFix, Time};
 
-/// A minute of climbing at `climb_mps`, stated with a sign; and what becomes of the last fix.
+/// State after a minute of climbing at `climb_mps`, measured with a sign, and the variance added to the last fix.
 fn after_a_minute(
     climb_mps: f64,
     sign: f64,
     height_noise_m: &[f64],
 ) -> (VerticalSign, Option<f64>) {
-    let mut verdict = None;
+    let mut variance = None;
     let mut state = VerticalSign::default();
     for (k, noise_m) in (0_u32..).zip(height_noise_m) {
         let at_s = f64::from(k) * 0.2;
@@ -22,15 +22,15 @@ fn after_a_minute(
             velocity_up_mps: Some(sign * climb_mps),
             ..GnssFix::default()
         };
-        verdict = state.take(&fix, &Config::mems());
+        variance = state.take(&fix, &Config::mems());
     }
-    (state, verdict)
+    (state, variance)
 }
 
 proptest! {
-    /// Height noise of 3 m is that of the preset; a climb of 3 m/s is plain within a minute.
+    /// Height noise as of the preset; climbs of 3 m/s and more for a minute.
     #[test]
-    fn a_climb_shows_the_sign(
+    fn a_climb_determines_the_sign(
         climb in prop_oneof![-8.0..-3.0, 3.0..8.0],
         noise in prop::collection::vec(-5.0..5.0, 300),
     ) {
@@ -38,9 +38,9 @@ proptest! {
         prop_assert_eq!(after_a_minute(climb, -1.0, &noise).1, None);
     }
 
-    /// Heights that are 30 m and more off, one of twenty, do not turn it around.
+    /// One height in twenty is off by 30 m or more.
     #[test]
-    fn wrong_heights_do_not_turn_a_sign_around(
+    fn wrong_heights_do_not_invert_the_sign(
         climb in prop_oneof![-3.0..-0.3, 0.3..3.0],
         noise in prop::collection::vec(-5.0..5.0, 300),
         wrong in prop::collection::vec((0..300_usize, -100.0..100.0_f64), 15),
@@ -54,9 +54,9 @@ proptest! {
         prop_assert!(!after_a_minute(climb, 1.0, &heights).0.is_wrong());
     }
 
-    /// A walker's heave, ten fixes a second and no height: what is felt decides.
+    /// A walker's heave, ten fixes a second without height: accelerations decide.
     #[test]
-    fn accelerometers_tell_which_way_is_up(
+    fn accelerometers_determine_the_sign(
         noise in prop::collection::vec(-0.1..0.1, 60),
         sign in prop_oneof![Just(1.0), Just(-1.0)],
     ) {
@@ -65,8 +65,8 @@ proptest! {
         for (k, noise_mps) in (0_u32..).zip(&noise) {
             let up_mps = 0.3 * (f64::from(k) * 1.3).sin();
             let now = [sign * up_mps + noise_mps, up_mps];
-            let [change_mps, felt_mps] = [now[0] - last[0], now[1] - last[1]];
-            state.test_accel(change_mps, felt_mps, 0.02, 1e-4);
+            let [change_mps, accel_change_mps] = [now[0] - last[0], now[1] - last[1]];
+            state.test_accel(change_mps, accel_change_mps, 0.02, 1e-4);
             last = now;
         }
         let fix = GnssFix {
@@ -77,22 +77,21 @@ proptest! {
         prop_assert_eq!(state.take(&fix, &Config::mems()), expected);
     }
 
-    /// On the level nothing is decided, and what is measured counts as before: a climb for half of itself in
-    /// the ten seconds of a manoeuvre, and not for less with each fix.
+    /// The added variance stays as before: half the velocity over a manoeuvre of ten seconds, not per fix.
     #[test]
-    fn no_climb_shows_nothing(noise in prop::collection::vec(-5.0..5.0, 300)) {
+    fn level_motion_decides_nothing(noise in prop::collection::vec(-5.0..5.0, 300)) {
         for sign in [1.0, -1.0] {
             let (_, variance) = after_a_minute(0.01, sign, &noise);
-            let of_manoeuvre = variance.map(|variance| variance / (10.0 / AVERAGING_S));
+            let per_manoeuvre = variance.map(|variance| variance / (10.0 / AVERAGING_S));
             let half = 0.4 * 0.01..0.6 * 0.01;
-            prop_assert!(of_manoeuvre.is_some_and(|square| half.contains(&square.sqrt())), "{variance:?}");
+            prop_assert!(per_manoeuvre.is_some_and(|square| half.contains(&square.sqrt())), "{variance:?}");
         }
     }
 }
 
-/// One of twenty: `s v` with a sign `s` of mean 0.9 and variance 0.19 tells `v` to `sqrt(0.19) / 0.9` of it.
+/// Wrong in one receiver of twenty: a sign of mean 0.9 and variance 0.19 gives a relative error of `sqrt(0.19) / 0.9`.
 #[test]
-fn until_it_is_known_a_velocity_counts_for_less_by_half_of_itself() {
+fn variance_of_an_unknown_sign_is_half_the_velocity() {
     for height_m in [Some(100.0), None] {
         let fix = GnssFix {
             height_m,
@@ -101,14 +100,14 @@ fn until_it_is_known_a_velocity_counts_for_less_by_half_of_itself() {
         };
         let variance = VerticalSign::default().take(&fix, &Config::mems());
         assert_eq!(variance, Some(sign_variance(-5.0)));
-        let part = variance.unwrap_or_default().sqrt() / 5.0;
-        assert!((part - 0.19_f64.sqrt() / 0.9).abs() < 0.02, "{part}");
+        let ratio = variance.unwrap_or_default().sqrt() / 5.0;
+        assert!((ratio - 0.19_f64.sqrt() / 0.9).abs() < 0.02, "{ratio}");
     }
 }
 
-/// What is felt less surely than it moves decides nothing.
+/// The sigma is larger than the change.
 #[test]
-fn what_is_not_felt_for_sure_tells_nothing() {
+fn uncertain_accelerations_decide_nothing() {
     let mut state = VerticalSign::default();
     for _ in 0..1000 {
         state.test_accel(-0.2, 0.2, 0.02, 0.01);
