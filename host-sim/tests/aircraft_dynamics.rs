@@ -1,5 +1,5 @@
-//! Mechanics of the aircraft: integrator, steady flight, natural motions, stall, power, and the
-//! Cessna 172 against its specification.
+//! Flight dynamics of the aircraft: integrator, steady flight, modes, stall, power, and the Cessna 172
+//! against its specification.
 
 use host_sim::aircraft::aerodynamics::Surfaces;
 use host_sim::aircraft::atmosphere::{self, Density};
@@ -41,8 +41,8 @@ fn states(
     })
 }
 
-/// Doublets on all controls in gusty air, linear between knots, so that any whole part of a knot
-/// as the step sees the same inputs.
+/// Oscillating controls in gusty air, linear between knots, so that any step that divides a knot interval
+/// has the same inputs.
 fn vigorous(trim: &Trim) -> impl Fn(f64) -> Inputs {
     const KNOT_S: f64 = 0.08;
     let base = trim.inputs;
@@ -75,17 +75,17 @@ fn step_size_is_small_enough() {
     let velocity = |state: &State| (state.velocity_enu_mps - exact.velocity_enu_mps).norm();
     let attitude = |state: &State| (state.attitude - exact.attitude).norm();
     let used = end(STEP_S, 1000);
-    // After 20 s of hard flying the step costs less than any sensor could tell.
+    // After 20 s of vigorous flight the errors of the step are below those of any sensor.
     assert!(velocity(&used) < 2e-6, "{} m/s", velocity(&used));
     assert!(attitude(&used) < 1e-7, "{} rad", attitude(&used));
-    // Fourth order (16); what the next order adds widens it. Below, rounding and the linear
-    // density take over.
+    // Fourth order (16), and some of the next order. With smaller steps rounding and the linear density
+    // dominate.
     let order = attitude(&end(0.08, 250)) / attitude(&end(0.04, 500));
     assert!((10.0..30.0).contains(&order), "{order}");
 }
 
 #[test]
-fn steady_flights_stay_steady() {
+fn trimmed_flight_stays_steady() {
     let dynamics = cessna();
     let level = Condition::level(SPEED_MPS, HEIGHT_M);
     let [mut climb, mut descent, mut left, mut right, mut flaps] = [level; 5];
@@ -122,14 +122,14 @@ fn steady_flights_stay_steady() {
             "{name}: heading {}",
             angles.heading_rad
         );
-        // Density changes along a climb: that is the trim's own slow change.
+        // Density changes along a climb, so the trim changes slowly.
         let speed = end.velocity_enu_mps.norm() - trim.state.velocity_enu_mps.norm();
         assert!(speed.abs() < 0.02, "{name}: {speed} m/s");
     }
 }
 
 #[test]
-fn a_coordinated_turn_is_the_textbook_one() {
+fn turn_rate_matches_the_textbook() {
     let dynamics = cessna();
     let bank_rad = 0.5;
     let trim = Condition {
@@ -139,7 +139,7 @@ fn a_coordinated_turn_is_the_textbook_one() {
     .trim(&dynamics)
     .unwrap();
     let expected = atmosphere::GRAVITY_MPS2 * libm::tan(bank_rad) / SPEED_MPS;
-    // The side force of rudder and yaw rate is not in the textbook.
+    // The textbook omits the side force of rudder and yaw rate.
     assert!(
         (trim.turn_rate_radps / expected - 1.0).abs() < 0.02,
         "{}",
@@ -189,9 +189,9 @@ fn the_wing_stalls() {
     assert!(lift(-0.5) < 0.0);
 }
 
-/// Undisturbed small motions of the full equations against the eigenvalues.
+/// Small motions by the full equations against the eigenvalues.
 #[test]
-fn modes_are_what_the_aircraft_does() {
+fn modes_match_simulated_motion() {
     let dynamics = cessna();
     let trim = level(&dynamics);
     let modes = modes(&dynamics, &trim).unwrap();
@@ -209,7 +209,7 @@ fn modes_are_what_the_aircraft_does() {
         .map(|(i, w)| 0.5 * (i as f64 - w[0] / (w[1] - w[0])))
         .collect();
     let period_s = crossings[1] - crossings[0];
-    // Height changes density along the real motion, which the eigenvalues leave out.
+    // The change of density with height is not in the eigenvalues.
     assert!(
         (period_s / modes.phugoid.period_s - 1.0).abs() < 0.04,
         "{period_s} s, {:?}",
@@ -272,11 +272,11 @@ fn modes_follow_the_textbook_approximations() {
 }
 
 #[test]
-fn power_falls_with_height_and_the_propeller_obeys_momentum_theory() {
+fn power_falls_with_height_and_propeller_follows_momentum_theory() {
     let p = cessna172();
     let rated = std::f64::consts::TAU * p.engine.rated_speed_rps;
     let power = |height_m: f64| rated * p.engine.torque_nm(1.0, atmosphere::density(height_m));
-    // Lycoming operator's charts: some 75 % of the power is left at 7500-8000 ft, open throttle.
+    // Lycoming operator's charts: some 75 % of the power at 7500-8000 ft with open throttle.
     assert!(
         (0.72..0.79).contains(&(power(2350.0) / power(0.0))),
         "{}",
@@ -308,10 +308,10 @@ fn power_falls_with_height_and_the_propeller_obeys_momentum_theory() {
 }
 
 #[test]
-fn propeller_and_engine_turn_the_aircraft_the_right_way() {
+fn propeller_torque_and_precession_have_the_right_sign() {
     let dynamics = cessna();
     let trim = level(&dynamics);
-    // Clockwise seen from behind: the aircraft wants to roll left, the pilot holds right aileron.
+    // Clockwise seen from behind: the torque rolls the aircraft left, right aileron compensates.
     assert!(trim.inputs.controls.surfaces.aileron_rad > 0.0);
     // Pitching up swings the nose right (spin axis forward, torque up: gyroscopic precession).
     let mut pitching = trim.state;
@@ -327,7 +327,7 @@ fn propeller_and_engine_turn_the_aircraft_the_right_way() {
 }
 
 #[test]
-fn control_surfaces_work_in_their_directions() {
+fn control_surfaces_have_the_right_sign() {
     let dynamics = cessna();
     let trim = level(&dynamics);
     let density = Density::around(HEIGHT_M);

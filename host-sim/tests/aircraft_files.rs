@@ -1,4 +1,4 @@
-//! Aircraft and flight plans that cannot be used, and what is said of them.
+//! Invalid aircraft files and flight plans, and their messages.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use host_sim::aircraft::plan::Plan;
 use host_sim::aircraft::{CESSNA_172_TOML, cessna172};
 
 #[test]
-fn bad_aircraft_are_refused_with_place_and_cause() {
+fn invalid_aircraft_are_rejected_with_line_and_cause() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("aircraft.toml");
-    for (good, bad, says) in [
+    for (good, bad, message) in [
         (
             "mass_kg = 1043.0",
             "mass_kg = -1043.0",
@@ -52,7 +52,7 @@ fn bad_aircraft_are_refused_with_place_and_cause() {
         std::fs::write(&file, text).unwrap();
         let error = read_aircraft(&file).unwrap_err().to_string();
         assert!(error.contains("aircraft.toml, line "), "{bad}: {error}");
-        assert!(error.contains(says), "{bad}: {error}");
+        assert!(error.contains(message), "{bad}: {error}");
     }
 }
 
@@ -93,17 +93,17 @@ fn parse(text: &str) -> Result<Plan, String> {
 }
 
 #[test]
-fn a_good_plan_is_read() {
+fn a_valid_plan_is_read() {
     let plan = parse(GOOD).unwrap();
     assert_eq!(plan.legs.len(), 3);
     // Wind from the west blows east.
     assert!((plan.wind_enu_mps.x - 5.0).abs() < 1e-12 && plan.wind_enu_mps.y.abs() < 1e-12);
-    // What a leg does not say stays as it was.
+    // Keys missing in a leg keep their values.
     assert!((plan.legs[2].height_m - 1000.0).abs() < 1e-12);
 }
 
 #[test]
-fn the_shipped_plans_are_good() {
+fn shipped_plans_are_valid() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("plans");
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -112,9 +112,9 @@ fn the_shipped_plans_are_good() {
 }
 
 #[test]
-fn every_impossible_plan_is_refused_with_place_and_cause() {
-    // Replacement in the good plan, line of the complaint, and what it must say.
-    for (old, new, line, says) in [
+fn invalid_plans_are_rejected_with_line_and_cause() {
+    // Replacement in the valid plan, line of the error, and parts of its message.
+    for (old, new, line, message) in [
         (
             "airspeed_mps = 50",
             "airspeed_mps = 25",
@@ -204,13 +204,13 @@ fn every_impossible_plan_is_refused_with_place_and_cause() {
         ("[start]", "[start", 1, &["complete example"]),
         ("duration_s = 60", "duration_s = -60", 28, &["seconds"]),
     ] {
-        assert_refused(old, new, line, says);
+        assert_rejected(old, new, line, message);
     }
 }
 
 #[test]
-fn legs_and_winds_that_mean_nothing_are_refused() {
-    for (old, new, line, says) in [
+fn invalid_legs_and_winds_are_rejected() {
+    for (old, new, line, message) in [
         (
             "longitude_deg = 40.0",
             "longitude_deg = 320.0",
@@ -237,7 +237,7 @@ fn legs_and_winds_that_mean_nothing_are_refused() {
             &["`airspeed_mps = 36`", "stalls"],
         ),
     ] {
-        assert_refused(old, new, line, says);
+        assert_rejected(old, new, line, message);
     }
     parse(&GOOD.replace(
         "wind_from_deg = 270\nwind_speed_mps = 5",
@@ -247,8 +247,8 @@ fn legs_and_winds_that_mean_nothing_are_refused() {
 }
 
 #[test]
-fn a_number_that_is_none_or_far_off_is_refused() {
-    for (old, new, line, says) in [
+fn nan_and_out_of_range_numbers_are_rejected() {
+    for (old, new, line, message) in [
         ("latitude_deg = 56.0", "latitude_deg = nan", 2, "expected"),
         ("height_m = 600", "height_m = nan", 4, "expected"),
         ("airspeed_mps = 50", "airspeed_mps = nan", 6, "expected"),
@@ -266,40 +266,40 @@ fn a_number_that_is_none_or_far_off_is_refused() {
             "ellipsoid",
         ),
     ] {
-        assert_refused(old, new, line, &[says]);
+        assert_rejected(old, new, line, &[message]);
     }
 }
 
 #[test]
-fn the_airspeed_that_is_told_is_accepted() {
+fn the_airspeed_limit_of_the_message_is_accepted() {
     let with = |speed: &str| parse(&GOOD.replace("airspeed_mps = 50", speed));
-    for (speed, says) in [("180", "expected at most "), ("25", "expected at least ")] {
+    for (speed, message) in [("180", "expected at most "), ("25", "expected at least ")] {
         let error = with(&format!("airspeed_mps = {speed}")).unwrap_err();
-        let told = error.split_once(says).unwrap().1;
-        let told = told.split([' ', ';']).next().unwrap();
-        with(&format!("airspeed_mps = {told}")).unwrap_or_else(|error| panic!("{error}"));
+        let limit = error.split_once(message).unwrap().1;
+        let limit = limit.split([' ', ';']).next().unwrap();
+        with(&format!("airspeed_mps = {limit}")).unwrap_or_else(|error| panic!("{error}"));
     }
 }
 
-/// With something replaced in the good plan.
-fn assert_refused(old: &str, new: &str, line: u32, says: &[&str]) {
+/// With a replacement in the valid plan.
+fn assert_rejected(old: &str, new: &str, line: u32, message: &[&str]) {
     let text = GOOD.replacen(old, new, 1);
     assert_ne!(text, GOOD, "{old}");
     let error = parse(&text).expect_err(new);
-    let place = format!("plan.toml, line {line}:");
-    assert!(error.starts_with(&place), "{new}: {error}");
-    for part in says {
+    let location = format!("plan.toml, line {line}:");
+    assert!(error.starts_with(&location), "{new}: {error}");
+    for part in message {
         assert!(error.contains(part), "{new}: {error:?} lacks {part:?}");
     }
 }
 
-/// In its own bank or in the turns of the plan, whichever is steeper.
+/// Limited by its own bank angle or that of the turns of the plan, whichever is larger.
 #[test]
-fn a_slow_leg_is_good_in_a_gentle_bank() {
+fn a_slow_leg_is_valid_at_a_small_bank_angle() {
     parse(&GOOD.replace("airspeed_mps = 45", "airspeed_mps = 36")).unwrap();
 }
 
-/// Out and back again: a turn is as long as the leg allows.
+/// Out and back.
 const CLOSED: &str = "\
 [start]
 latitude_deg = 56.0
@@ -322,21 +322,21 @@ longitude_deg = 40.0
 ";
 
 #[test]
-fn a_plan_that_closes_is_flown_once_or_without_its_last_leg() {
+fn a_closed_plan_is_flown_once_or_without_its_last_leg() {
     parse(CLOSED).unwrap();
     let again = format!("[flight]\nduration_s = 3600\n{CLOSED}");
     let error = parse(&again).unwrap_err();
-    let says = "plan.toml, line 18: this waypoint is that of the first leg";
-    assert!(error.starts_with(says), "{error}");
+    let message = "plan.toml, line 18: this waypoint is that of the first leg";
+    assert!(error.starts_with(message), "{error}");
     let legs: Vec<&str> = again.split("[[leg]]").collect();
     parse(&legs[..3].join("[[leg]]")).unwrap();
     let alone = parse(&legs[..2].join("[[leg]]")).unwrap_err();
     assert!(alone.contains("that of the first leg"), "{alone}");
 }
 
-/// Nothing in its file is impossible by itself, but it does not fly.
+/// Each value is valid, but it cannot fly.
 #[test]
-fn an_aircraft_that_does_not_climb_is_not_taken_for_one_too_high() {
+fn an_aircraft_that_cannot_climb_gets_its_own_message() {
     let mut parameters = cessna172();
     parameters.engine.rated_power_w = 10.0;
     let error = Plan::parse(Path::new("plan.toml"), GOOD, &Dynamics::new(&parameters));
@@ -345,7 +345,7 @@ fn an_aircraft_that_does_not_climb_is_not_taken_for_one_too_high() {
 }
 
 #[test]
-fn a_missing_plan_is_named() {
+fn a_missing_plan_file_is_reported() {
     let error = Plan::read(Path::new("nowhere.toml"), &Dynamics::new(&cessna172())).unwrap_err();
     assert!(
         error

@@ -28,21 +28,21 @@ fn flies_the_route() {
     assert!((3400.0..4000.0).contains(&duration_s), "{duration_s}");
 
     let mut nearest_m = vec![f64::INFINITY; plan.legs.len()];
-    let (mut height_error, mut speed_square, mut held, mut sideslip, mut count) =
+    let (mut height_error, mut speed_square, mut count_steady, mut sideslip, mut count) =
         (0.0, 0.0, 0.0, 0.0, 0.0);
     let mut steady_since_s = f64::INFINITY;
     let mut target = flight.target;
     let times = (0..).map(|i| 0.1 * f64::from(i));
     for time_s in times.take_while(|time_s| *time_s < duration_s) {
         let _ = flight.kinematics(time_s);
-        for (near, leg) in nearest_m.iter_mut().zip(&plan.legs) {
-            if let Path2d::To(place) = leg.path {
+        for (distance_m, leg) in nearest_m.iter_mut().zip(&plan.legs) {
+            if let Path2d::To(position) = leg.path {
                 let to = ins_core::earth::Geodetic {
-                    latitude_rad: place.latitude_rad,
-                    longitude_rad: place.longitude_rad,
+                    latitude_rad: position.latitude_rad,
+                    longitude_rad: position.longitude_rad,
                     height_m: 0.0,
                 };
-                *near = flight.position.enu_from(&to).xy().norm().min(*near);
+                *distance_m = flight.position.enu_from(&to).xy().norm().min(*distance_m);
             }
         }
         if flight.target != target {
@@ -55,26 +55,29 @@ fn flies_the_route() {
         count += 1.0;
         let height: f64 = state.height_m - target.height_m;
         let speed = air.airspeed_mps - target.airspeed_mps;
-        // Held from a minute after both were first reached.
+        // Evaluated from a minute after both were first reached.
         if height.abs() < 5.0 && speed.abs() < 2.0 {
             steady_since_s = time_s.min(steady_since_s);
         }
         if time_s > steady_since_s + 60.0 {
             height_error = height.abs().max(height_error);
             speed_square += speed * speed;
-            held += 1.0;
+            count_steady += 1.0;
         }
     }
     // Fly-by turns: the corner is cut by R (1/cos(angle/2) - 1).
-    for (near, leg) in nearest_m.iter().zip(&plan.legs) {
-        assert!(!near.is_finite() || *near < 900.0, "{near} m past {leg:?}");
+    for (distance_m, leg) in nearest_m.iter().zip(&plan.legs) {
+        assert!(
+            !distance_m.is_finite() || *distance_m < 900.0,
+            "{distance_m} m past {leg:?}"
+        );
     }
-    let speed_error = f64::sqrt(speed_square / held);
+    let speed_error = f64::sqrt(speed_square / count_steady);
     println!(
         "height {height_error:.1} m, speed {speed_error:.1} m/s, slip {:.2} deg",
         f64::sqrt(sideslip / count).to_degrees()
     );
-    // Gusts of 1.5 m/s in three axes; a sinking air mass of 3 m/s takes all the power there is.
+    // Gusts of 1.5 m/s in three axes; a downdraft of 3 m/s requires full power.
     assert!(height_error < 40.0, "{height_error} m");
     assert!(speed_error < 3.0, "{speed_error} m/s RMS");
     assert!(
@@ -115,7 +118,7 @@ fn error_free_strapdown_reproduces_an_hour_of_flight() {
 #[test]
 fn strapdown_error_falls_with_the_sampling_rate() {
     let (dynamics, plan) = route();
-    // Severe: turbulence is what the two-sample coning and sculling cannot follow.
+    // Severe: turbulence is not fully compensated by the two-sample coning and sculling.
     let plan = Plan {
         turbulence: Turbulence::Severe,
         ..plan
@@ -131,7 +134,7 @@ fn strapdown_error_falls_with_the_sampling_rate() {
 }
 
 #[test]
-fn the_seed_fixes_the_flight() {
+fn the_seed_determines_the_flight() {
     let (dynamics, plan) = route();
     let run = |seed| {
         let mut flight = Flight::new(&dynamics, &plan, seed).unwrap();
@@ -141,8 +144,7 @@ fn the_seed_fixes_the_flight() {
     assert_ne!(run(1), run(2));
 }
 
-/// Velocity is the integral of acceleration, attitude that of the rate: with engine and propeller
-/// shaking too.
+/// Velocity is the integral of acceleration, attitude that of the rate, also with vibration.
 #[test]
 fn kinematics_are_consistent() {
     let (dynamics, plan) = route();
@@ -154,33 +156,33 @@ fn kinematics_are_consistent() {
         let mut flight = Flight::new(&dynamics, &plan, 3).unwrap();
         let step_s = 1e-6;
         for i in 0..2000 {
-            // Irregular times, inside the integrator's steps.
+            // Irregular times within the integrator's steps.
             let time_s = 30.0 + 0.0373 * f64::from(i);
             if (time_s / 0.02).fract() > 0.99 {
                 continue;
             }
             let from = flight.kinematics(time_s);
             let to = flight.kinematics(time_s + step_s);
-            let gained = (to.velocity_enu_mps - from.velocity_enu_mps) / step_s;
+            let acceleration = (to.velocity_enu_mps - from.velocity_enu_mps) / step_s;
             let mean = 0.5 * (to.acceleration_enu_mps2 + from.acceleration_enu_mps2);
             // Rounding of 50 m/s over a microsecond: 1e-8.
             assert!(
-                (gained - mean).norm() < 1e-6,
-                "{time_s} s, vibration {vibration}: {gained} {mean}"
+                (acceleration - mean).norm() < 1e-6,
+                "{time_s} s, vibration {vibration}: {acceleration} {mean}"
             );
-            let turned = (from.attitude.inverse() * to.attitude).scaled_axis() / step_s;
+            let measured_rate = (from.attitude.inverse() * to.attitude).scaled_axis() / step_s;
             let rate = 0.5 * (to.angular_rate_lb_b_radps + from.angular_rate_lb_b_radps);
             assert!(
-                (turned - rate).norm() < 1e-8,
-                "{time_s} s, vibration {vibration}: {turned} {rate}"
+                (measured_rate - rate).norm() < 1e-8,
+                "{time_s} s, vibration {vibration}: {measured_rate} {rate}"
             );
         }
     }
 }
 
-/// Of a geared propeller, say: no multiple of a half.
+/// As of a geared propeller: not a multiple of a half.
 #[test]
-fn any_order_of_vibration_goes_on_smoothly() {
+fn vibration_of_any_order_is_smooth() {
     let (mut dynamics, plan) = route();
     let lines = &mut dynamics.parameters.vibration.lines;
     lines.truncate(1);
@@ -195,19 +197,18 @@ fn any_order_of_vibration_goes_on_smoothly() {
     let mut from = flight.kinematics(0.0);
     for i in 1..2000 {
         let to = flight.kinematics(step_s * f64::from(i));
-        let gained = to.velocity_enu_mps - from.velocity_enu_mps;
+        let change = to.velocity_enu_mps - from.velocity_enu_mps;
         let mean = 0.5 * (to.acceleration_enu_mps2 + from.acceleration_enu_mps2);
-        // h^3/12 of its second derivative, 0.4 m/s^2 at 32 Hz: 1.3e-6. The line swings by 2e-3.
-        let off = (gained - step_s * mean).norm();
-        assert!(off < 5e-6, "{i}: {off} m/s");
+        // h^3/12 of its second derivative, 0.4 m/s^2 at 32 Hz: 1.3e-6. The line has an amplitude of 2e-3.
+        let error = (change - step_s * mean).norm();
+        assert!(error < 5e-6, "{i}: {error} m/s");
         from = to;
     }
 }
 
-/// Lines up to 90 Hz: sampled at 100 Hz they alias, and a strapdown drifts as it would in a real
-/// aircraft; sampled fast enough it does not.
+/// Lines up to 90 Hz: sampled at 100 Hz they alias, and the strapdown drifts; sampled at 1 kHz they do not.
 #[test]
-fn vibration_aliases_and_is_resolved_by_sampling() {
+fn vibration_aliases_unless_sampled_fast_enough() {
     let (dynamics, plan) = route();
     let plan = Plan {
         vibration: true,

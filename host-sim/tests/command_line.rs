@@ -1,4 +1,4 @@
-//! The program as a shell sees it.
+//! Command-line behaviour: exit codes, output, files.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
@@ -15,7 +15,7 @@ fn run(arguments: &[&str]) -> Output {
     host_sim().args(arguments).output().unwrap()
 }
 
-fn said(output: &Output) -> String {
+fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
@@ -28,15 +28,15 @@ fn entries(folder: &Path) -> Vec<String> {
 
 #[test]
 #[cfg(unix)]
-fn what_is_stopped_leaves_nothing_half_done() {
+fn stopped_commands_leave_no_partial_output() {
     for (command, out, within) in [("drive", "log", "."), ("demo", "a/b", "a/b")] {
-        stopped_in_the_middle(&[command, "--minutes", "120", "--out", out], within);
+        assert_nothing_left_if_stopped(&[command, "--minutes", "120", "--out", out], within);
     }
 }
 
 /// Stops a command while a folder is being written.
 #[cfg(unix)]
-fn stopped_in_the_middle(arguments: &[&str], within: &str) {
+fn assert_nothing_left_if_stopped(arguments: &[&str], within: &str) {
     let home = tempfile::tempdir().unwrap();
     let mut drive = host_sim()
         .current_dir(home.path())
@@ -64,21 +64,21 @@ fn stopped_in_the_middle(arguments: &[&str], within: &str) {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_behind_the_output_is_no_panic() {
+fn a_full_disk_causes_an_error_not_a_panic() {
     for arguments in [&["aircraft"][..], &["completions", "bash"]] {
         let full = File::options().write(true).open("/dev/full").unwrap();
         let output = host_sim().args(arguments).stdout(full).output().unwrap();
-        let said = said(&output);
-        assert_eq!(output.status.code(), Some(1), "{said}");
+        let stderr = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
         assert!(
-            said.contains("No space left") && !said.contains("panicked"),
-            "{said}"
+            stderr.contains("No space left") && !stderr.contains("panicked"),
+            "{stderr}"
         );
     }
 }
 
 #[test]
-fn a_demo_runs_again() {
+fn a_demo_may_be_repeated() {
     let home = tempfile::tempdir().unwrap();
     for _ in 0..2 {
         let demo = host_sim()
@@ -86,9 +86,9 @@ fn a_demo_runs_again() {
             .args(["demo", "--minutes", "3"])
             .output();
         let demo = demo.unwrap();
-        assert!(demo.status.success(), "{}", said(&demo));
+        assert!(demo.status.success(), "{}", stderr(&demo));
     }
-    // But not over what something else has written.
+    // But it does not overwrite a folder that it did not write.
     fs::remove_file(home.path().join("out/demo/log/errors.toml")).unwrap();
     let demo = host_sim()
         .current_dir(home.path())
@@ -98,14 +98,14 @@ fn a_demo_runs_again() {
 }
 
 #[test]
-fn arguments_that_cannot_be_used_are_named() {
-    let nowhere = said(&run(&["hil", "log", "--out", "results"]));
+fn invalid_arguments_are_reported() {
+    let nowhere = stderr(&run(&["hil", "log", "--out", "results"]));
     assert!(
         nowhere.contains("--port") && nowhere.contains("--qemu"),
         "{nowhere}"
     );
     let seed = u64::MAX.to_string();
-    let seeds = said(&run(&[
+    let seeds = stderr(&run(&[
         "study",
         "flights",
         "--runs",
@@ -115,24 +115,24 @@ fn arguments_that_cannot_be_used_are_named() {
     ]));
     assert!(seeds.contains("--first-seed"), "{seeds}");
     let place = ["rehearse", "drive", "--plan", "plan.toml", "--out", "out"];
-    let renamed = said(&run(&[&place[..], &["--with", "mine=core"]].concat()));
+    let renamed = stderr(&run(&[&place[..], &["--with", "mine=core"]].concat()));
     assert!(renamed.contains("core goes by its own name"), "{renamed}");
-    let misspelt = said(&run(&[&place[..], &["--with", "kalmann"]].concat()));
+    let misspelt = stderr(&run(&[&place[..], &["--with", "kalmann"]].concat()));
     assert!(
         misspelt.contains("core-open, kalman, hil, or a"),
         "{misspelt}"
     );
     let formless = ["--form", "literal", "--kalman", "1"];
-    let formless = said(&run(&[&["study", "accuracy"], &formless[..]].concat()));
+    let formless = stderr(&run(&[&["study", "accuracy"], &formless[..]].concat()));
     assert!(formless.contains("cannot be used with"), "{formless}");
-    let turned = said(&run(&[&place[..], &["--heading-sigma", "500"]].concat()));
+    let turned = stderr(&run(&[&place[..], &["--heading-sigma", "500"]].concat()));
     assert!(turned.contains("a number from 0 to 180"), "{turned}");
-    let negative = said(&run(&["drive", "--minutes", "-1", "--out", "log"]));
+    let negative = stderr(&run(&["drive", "--minutes", "-1", "--out", "log"]));
     assert!(negative.contains("minutes from 1 to 1440"), "{negative}");
 }
 
 #[test]
-fn a_comparison_of_nothing_is_a_failure() {
+fn a_comparison_without_result_fails() {
     let home = tempfile::tempdir().unwrap();
     let command = |arguments: &[&str]| host_sim().current_dir(&home).args(arguments).output();
     let drive = [
@@ -152,62 +152,68 @@ fn a_comparison_of_nothing_is_a_failure() {
     fs::write(&table, first.join("\n")).unwrap();
     fs::remove_file(packed).unwrap();
     let compared = command(&["compare", "log", "--out", "out"]).unwrap();
-    let said = said(&compared);
-    assert_eq!(compared.status.code(), Some(1), "{said}");
-    assert!(said.contains("No method ever navigates"), "{said}");
+    let stderr = stderr(&compared);
+    assert_eq!(compared.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("No method ever navigates"), "{stderr}");
     assert!(!home.path().join("out").exists());
 }
 
 #[test]
-fn a_log_of_another_class_than_its_sensors_is_warned_of() {
+fn a_class_that_contradicts_the_error_model_causes_a_warning() {
     let home = tempfile::tempdir().unwrap();
     let drive = |errors: &str| {
         let arguments = ["drive", "--minutes", "1", "--grade", "mems", "--force"];
         let mut command = host_sim();
         command.current_dir(home.path()).args(arguments);
         let drive = command.args(["--errors", errors, "--out", "log"]).output();
-        said(&drive.unwrap())
+        stderr(&drive.unwrap())
     };
-    let told = drive("hg1700");
-    assert!(told.contains("--grade mems with --errors hg1700"), "{told}");
-    let told = drive("mems");
-    assert!(!told.contains("warning"), "{told}");
+    let stderr = drive("hg1700");
+    assert!(
+        stderr.contains("--grade mems with --errors hg1700"),
+        "{stderr}"
+    );
+    let stderr = drive("mems");
+    assert!(!stderr.contains("warning"), "{stderr}");
 }
 
 #[test]
-fn an_error_is_said_once_and_in_lines_that_can_be_copied() {
+fn errors_are_reported_once_in_unbroken_lines() {
     let home = tempfile::tempdir().unwrap();
     let file = home
         .path()
         .join("a file whose name is so long that a line of eighty would break it");
     fs::write(&file, "").unwrap();
     let file = file.to_str().unwrap();
-    let told = said(&run(&["man", "--out", file]));
-    assert_eq!(told.matches("os error").count(), 1, "{told}");
-    assert!(told.contains(&format!("cannot write {file}: ")), "{told}");
+    let stderr = stderr(&run(&["man", "--out", file]));
+    assert_eq!(stderr.matches("os error").count(), 1, "{stderr}");
+    assert!(
+        stderr.contains(&format!("cannot write {file}: ")),
+        "{stderr}"
+    );
 }
 
 #[test]
-fn a_study_of_nothing_fails() {
+fn an_empty_study_fails() {
     let nothing = run(&["study", "conditions", "--kinds", "boat", "--judges"]);
     assert!(!nothing.status.success() && nothing.stdout.is_empty());
-    assert!(said(&nothing).contains("no kind of boat judges"));
+    assert!(stderr(&nothing).contains("no kind of boat judges"));
     let home = tempfile::tempdir().unwrap();
     let nowhere = home.path().join("nowhere");
     let nowhere = nowhere.to_str().unwrap();
     let failed = run(&["study", "logs", nowhere]);
     assert!(!failed.status.success() && failed.stdout.is_empty());
-    assert!(said(&failed).contains("1 of 1 logs cannot be used"));
+    assert!(stderr(&failed).contains("1 of 1 logs cannot be used"));
     let refused = run(&["study", "recordings", nowhere]);
     assert!(!refused.status.success() && !refused.stdout.is_empty());
-    assert!(said(&refused).contains("1 of 1 recordings cannot be used"));
+    assert!(stderr(&refused).contains("1 of 1 recordings cannot be used"));
     let nothing = run(&["study", "logs", nowhere, "--development"]);
     assert!(!nothing.status.success() && nothing.stdout.is_empty());
-    assert!(said(&nothing).contains("no log of those given is developed on"));
+    assert!(stderr(&nothing).contains("no log of those given is developed on"));
 }
 
 #[test]
-fn a_table_goes_over_nothing_unless_forced() {
+fn a_table_overwrites_nothing_unless_forced() {
     let home = tempfile::tempdir().unwrap();
     let file = home.path().join("mine.csv");
     fs::write(&file, "precious").unwrap();
@@ -219,14 +225,14 @@ fn a_table_goes_over_nothing_unless_forced() {
             .args(["--class", "mems", "--brief", "--csv"]);
         brief.arg(csv).args(more).output().unwrap()
     };
-    // Before anything is run.
+    // Rejected before anything is run.
     let refused = study(&file, &[]);
     assert!(!refused.status.success() && refused.stdout.is_empty());
-    assert!(said(&refused).contains("exists already"));
+    assert!(stderr(&refused).contains("exists already"));
     assert_eq!(fs::read_to_string(&file).unwrap(), "precious");
     let refused = study(&home.path().join("nowhere/mine.csv"), &[]);
     assert!(!refused.status.success() && refused.stdout.is_empty());
-    // Force is for tables.
+    // `--force` only overwrites tables.
     let refused = study(&file, &["--force"]);
     assert!(!refused.status.success() && refused.stdout.is_empty());
     assert_eq!(fs::read_to_string(&file).unwrap(), "precious");
@@ -238,7 +244,7 @@ fn a_table_goes_over_nothing_unless_forced() {
 }
 
 #[test]
-fn a_shell_completes_and_a_manual_explains() {
+fn completions_and_manual_pages_are_written() {
     let completions = run(&["completions", "bash"]);
     assert!(String::from_utf8_lossy(&completions.stdout).contains("identify"));
     let home = tempfile::tempdir().unwrap();
@@ -249,7 +255,7 @@ fn a_shell_completes_and_a_manual_explains() {
 }
 
 #[test]
-fn of_recordings_each_has_its_row() {
+fn every_recording_has_a_row() {
     let home = tempfile::tempdir().unwrap();
     let drive = host_sim()
         .current_dir(home.path())
@@ -263,11 +269,11 @@ fn of_recordings_each_has_its_row() {
         .arg("--json")
         .output();
     let study = study.unwrap();
-    assert!(study.status.success(), "{}", said(&study));
-    assert!(said(&study).contains("./drive: named twice, counted once"));
+    assert!(study.status.success(), "{}", stderr(&study));
+    assert!(stderr(&study).contains("./drive: named twice, counted once"));
     let rows: serde_json::Value = serde_json::from_slice(&study.stdout).unwrap();
     let used = &rows[0]["outcome"]["used"];
-    // Of eight, gyros of 1 deg/h take longer.
+    // Of eight; gyros of 1 deg/h take longer.
     assert!(used["known"].as_u64().unwrap() >= 5, "{rows}");
     assert_eq!(used["against"], serde_json::json!([]), "{rows}");
     // A latency of 50 to 300 ms was drawn.
@@ -277,9 +283,9 @@ fn of_recordings_each_has_its_row() {
 }
 
 #[test]
-fn force_is_refused_where_nothing_is_replaced() {
+fn force_is_rejected_where_nothing_is_overwritten() {
     for command in [&["tune"][..], &["study", "logs"]] {
         let output = run(&[command, &["nowhere", "--force"]].concat());
-        assert!(said(&output).contains("--force"), "{}", said(&output));
+        assert!(stderr(&output).contains("--force"), "{}", stderr(&output));
     }
 }

@@ -1,4 +1,4 @@
-//! Error models as files: what they may hold, what is left out, what is refused.
+//! Error models as files: valid content, defaults, rejected content.
 
 use host_sim::sim::ErrorModel;
 use host_sim::sim::errors::BiasModel;
@@ -23,7 +23,7 @@ const WAVE: &str = r#"
 "#;
 
 #[test]
-fn presets_survive_a_file() {
+fn presets_round_trip_through_a_file() {
     for model in [
         ErrorModel::ideal(),
         ErrorModel::hg1700(),
@@ -35,10 +35,10 @@ fn presets_survive_a_file() {
 }
 
 #[test]
-fn the_shipped_model_is_good() {
+fn shipped_model_is_valid() {
     let mut model = ErrorModel::from_toml(include_str!("../errors/wave.toml")).unwrap();
     assert!(matches!(model.gyro_deg_h.bias, BiasModel::Wave { .. }));
-    // But for its wandering biases and its outage it is the preset.
+    // The preset, except for bias models and outage.
     model.gyro_deg_h.bias = BiasModel::constant(1.0);
     model.accel_mps2.bias = BiasModel::constant(0.01);
     model.gnss.outages.clear();
@@ -46,17 +46,17 @@ fn the_shipped_model_is_good() {
 }
 
 #[test]
-fn a_file_may_leave_out_what_is_zero() {
+fn keys_default_to_zero() {
     let model = ErrorModel::from_toml(WAVE).unwrap();
     assert_eq!(model.accel_mps2.bias, BiasModel::constant(0.01));
     assert_eq!(model.given_heading_sigma_deg, None);
 }
 
 #[test]
-fn keys_are_set_one_by_one_and_checked() {
+fn single_keys_are_set_and_checked() {
     let with = |text: &str| ErrorModel::mems().with(&text.parse().unwrap());
-    let memory = "gnss.habits.velocity = { sigma = 0.05, time_s = 1.0 }";
-    let set = with(&format!("gyro_deg_h.scale_sigma = 0.001\n{memory}")).unwrap();
+    let correlated = "gnss.habits.velocity = { sigma = 0.05, time_s = 1.0 }";
+    let set = with(&format!("gyro_deg_h.scale_sigma = 0.001\n{correlated}")).unwrap();
     let mut expected = ErrorModel::mems();
     expected.gyro_deg_h.scale_sigma = 0.001;
     expected.gnss.habits.velocity.sigma = 0.05;
@@ -76,11 +76,10 @@ fn keys_are_set_one_by_one_and_checked() {
     }
 }
 
-/// Off is off in either direction.
 #[test]
-fn errors_with_a_sign_may_be_negative() {
-    let off = "off = { velocity_mps = [-0.1, 0.0, 0.0], position_m = [0.0, -5.0, 0.0] }";
-    let trouble = format!("{{ start_s = 9.0, duration_s = 1.0, wrong = {{ {off} }} }}");
+fn signed_errors_may_be_negative() {
+    let offset = "off = { velocity_mps = [-0.1, 0.0, 0.0], position_m = [0.0, -5.0, 0.0] }";
+    let trouble = format!("{{ start_s = 9.0, duration_s = 1.0, wrong = {{ {offset} }} }}");
     let keys = format!(
         "gnss.habits = {{ clock_drift = -1e-4, lever_arm_m = [-1.0, 0.0, 2.0], troubles = [{trouble}] }}"
     );
@@ -89,17 +88,17 @@ fn errors_with_a_sign_may_be_negative() {
 }
 
 #[test]
-fn stamps_stay_in_order_at_the_rate_of_the_unit() {
+fn time_stamp_jitter_is_limited_by_the_sampling_rate() {
     let mut model = ErrorModel::hg1700();
     model.imu.stamp_jitter_s = 0.0045;
     model.check_at(100.0).unwrap();
     let error = model.check_at(200.0).unwrap_err().to_string();
-    let says = "imu.stamp_jitter_s = 0.0045: expected at most 0.49 of the time";
-    assert!(error.starts_with(says), "{error}");
+    let message = "imu.stamp_jitter_s = 0.0045: expected at most 0.49 of the time";
+    assert!(error.starts_with(message), "{error}");
 }
 
 #[test]
-fn bad_files_say_what_is_wrong() {
+fn invalid_files_are_rejected_with_a_message() {
     for (good, bad, message) in [
         (
             "rate_hz = 10.0",

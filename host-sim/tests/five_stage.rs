@@ -10,9 +10,8 @@ use ins_core::{Config, Observability};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 /// Azimuth deg, accelerometers mg, gyros deg/h, latency ms: three times the RMS error that
-/// docs/accuracy.md has for the same estimators online. The gyros get 4 deg/h, which an error of
-/// 30 ms in the latency makes of them, and the vertical one what 0.5 deg in an azimuth does in
-/// 40 min.
+/// docs/accuracy.md has for the same estimators online. 4 deg/h for the level gyros is due to a latency error
+/// of 30 ms, and the vertical one is due to 0.5 deg of azimuth in 40 min.
 const TOLERANCES: [f64; 8] = [0.5, 0.6, 0.6, 0.09, 4.0, 4.0, 1.5, 33.0];
 
 /// A drive and its true errors.
@@ -28,10 +27,10 @@ fn drive(seed: u64) -> (Log, f64, SensorErrors) {
     (log, drive.truth[0].euler().heading_rad, drive.errors)
 }
 
-/// Post-processes with a heading that is off by so much.
-fn run(log: &Log, heading_rad: f64, off_deg: f64, rounds: usize) -> FiveStage {
+/// Post-processes with a heading error of `heading_error_deg`.
+fn run(log: &Log, heading_rad: f64, heading_error_deg: f64, rounds: usize) -> FiveStage {
     let config = Config {
-        heading: HeadingSource::Given(heading_rad + off_deg * DEG),
+        heading: HeadingSource::Given(heading_rad + heading_error_deg * DEG),
         ..config_of(Grade::Hg1700)
     };
     five_stage::run(log, config, rounds).unwrap()
@@ -54,7 +53,7 @@ fn values(found: &FiveStage) -> [f64; 8] {
     )
 }
 
-fn truths(azimuth_deg: f64, errors: &SensorErrors) -> [f64; 8] {
+fn true_values(azimuth_deg: f64, errors: &SensorErrors) -> [f64; 8] {
     row(
         azimuth_deg,
         errors.accel_bias_mps2,
@@ -64,32 +63,35 @@ fn truths(azimuth_deg: f64, errors: &SensorErrors) -> [f64; 8] {
 }
 
 #[test]
-fn finds_every_error_whatever_the_heading_it_was_given() {
+fn all_errors_are_estimated_for_any_initial_heading() {
     let (log, heading_rad, errors) = drive(2);
-    let [small, large] = [-1.0, 5.0].map(|off_deg| {
-        let found = values(&run(&log, heading_rad, off_deg, REPEATED));
-        let truth = truths(off_deg, &errors);
-        let off: Vec<f64> = found.iter().zip(truth).map(|(a, b)| a - b).collect();
-        println!("{off_deg}: {off:.3?}");
-        for (off, tolerance) in off.iter().zip(TOLERANCES) {
-            assert!(off.abs() < tolerance, "{off_deg} deg: {off:?}");
+    let [small, large] = [-1.0, 5.0].map(|heading_error_deg| {
+        let found = values(&run(&log, heading_rad, heading_error_deg, REPEATED));
+        let truth = true_values(heading_error_deg, &errors);
+        let error: Vec<f64> = found.iter().zip(truth).map(|(a, b)| a - b).collect();
+        println!("{heading_error_deg}: {error:.3?}");
+        for (error, tolerance) in error.iter().zip(TOLERANCES) {
+            assert!(
+                error.abs() < tolerance,
+                "{heading_error_deg} deg: {error:?}"
+            );
         }
-        off
+        error
     });
-    // From six degrees apart: what is left of them is small against what noise leaves.
+    // From six degrees apart: the remaining difference is small compared with the noise.
     for ((small, large), tolerance) in small.iter().zip(large).zip(TOLERANCES) {
         assert!((small - large).abs() < 0.5 * tolerance, "{small} {large}");
     }
 }
 
 #[test]
-fn what_the_latency_spoils_before_it_is_found_does_not_count_as_observed() {
+fn quantities_with_uncorrected_latency_are_not_observable() {
     let (log, heading_rad, errors) = drive(2);
     assert!(errors.gnss_latency_s > 0.2);
     let once = run(&log, heading_rad, 3.0, PUBLISHED);
-    let off = values(&once)[4] - truths(0.0, &errors)[4];
-    println!("right gyro off by {off} deg/h");
-    assert!(off.abs() > 10.0);
+    let error = values(&once)[4] - true_values(0.0, &errors)[4];
+    println!("right gyro error {error} deg/h");
+    assert!(error.abs() > 10.0);
     let observability = once.estimates.gyro_bias_radps[0].observability;
     assert_ne!(observability, Observability::Observable);
 }
@@ -98,7 +100,7 @@ fn what_the_latency_spoils_before_it_is_found_does_not_count_as_observed() {
 fn each_quantity_is_observable_in_its_own_manoeuvres() {
     let (log, heading_rad, _) = drive(5);
     let found = run(&log, heading_rad, 3.0, PUBLISHED);
-    // All of one run, so that they fit together to the second.
+    // From one run, so that they are consistent to the second.
     let intervals = Stage::ALL.map(|stage| stage.intervals(&found.history));
     let [azimuth, accels, gyros, ..] = intervals.each_ref().map(|intervals| {
         let seconds = intervals.iter().map(|(from, to)| to.seconds_since(*from));
@@ -112,7 +114,7 @@ fn each_quantity_is_observable_in_its_own_manoeuvres() {
     for (from, to) in starts {
         assert!(turns.iter().all(|(start, end)| to <= start || end <= from));
     }
-    // Those of the stages' own runs differ by what the platforms differ.
+    // Those of the separate runs of the stages differ slightly.
     for (stage, own) in intervals.iter().zip(&found.intervals) {
         assert!(own.len().abs_diff(stage.len()) < 10);
     }

@@ -1,4 +1,4 @@
-//! From a plan to a log to a report, as a user goes; with an aircraft that stands in a file alone.
+//! From a plan to a log to a report, with an aircraft from a file.
 
 use std::path::Path;
 use std::process::Command;
@@ -25,7 +25,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// The plan of an hour, flown for some seconds alone.
+/// The plan of an hour, limited to some seconds.
 fn write_plan(plan: &Path, seconds: u32) {
     let route = std::fs::read_to_string("plans/route_one_hour.toml").unwrap();
     let duration = format!("[flight]\nduration_s = {seconds}\n");
@@ -40,32 +40,32 @@ fn a_flight_is_identified() {
 
     let aircraft = ["--aircraft", "aircraft/cessna182.toml"];
     let files = ["fly", "--plan", text(&plan), "--out", text(&log)];
-    let flown = host_sim(&[files.as_slice(), &aircraft].concat());
-    assert_eq!(flown["aircraft"], "Cessna 182");
+    let flight = host_sim(&[files.as_slice(), &aircraft].concat());
+    assert_eq!(flight["aircraft"], "Cessna 182");
 
     let found = host_sim(&["identify", text(&log), "--out", text(&report)]);
-    // Nothing rests in a flight: the log itself has to say what its gyros are.
+    // There is no rest in a flight: the class of the sensors is taken from the log.
     assert_eq!(found["grade"], "hg1700");
-    let truth = &flown["errors"];
+    let truth = &flight["errors"];
     for (name, truth) in [
         ("azimuth_error_deg", &truth["azimuth_error_deg"]),
         ("gnss_latency_ms", &truth["gnss_latency_ms"]),
     ] {
         let number = |value: &Value| value.as_f64().unwrap();
-        let off = number(&found[name]["value"]) - number(truth);
-        // The heading is given for the first sample; until the INS runs it turns by some degrees,
-        // known to a few per cent: 0.2 deg.
+        let error = number(&found[name]["value"]) - number(truth);
+        // The heading is given for the first sample; the turn until navigation begins is known to a few
+        // per cent: 0.2 deg.
         let bound = 4.0 * number(&found[name]["sigma"]) + 0.2;
-        assert!(off.abs() < bound, "{name}: off by {off}, bound {bound}");
+        assert!(error.abs() < bound, "{name}: error {error}, bound {bound}");
     }
 
     let errors = &found["against_truth"];
     let of = |which: &str, what: &str| errors[which][what].as_f64().unwrap();
-    // GNSS has 1 m and 0.1 m/s of white noise ten times a second: the loops average. Positions are
-    // believed to wander by some metres besides, and averaged over a minute.
+    // GNSS has white noise of 1 m and 0.1 m/s at 10 Hz, which the loops average. Correlated noise of some
+    // metres is configured for positions, which are averaged over a minute.
     assert!(of("damped", "position_m") < 1.5, "{errors}");
     assert!(of("damped", "velocity_mps") < 0.05, "{errors}");
-    // 15 min free: kilometres on raw readings, far less on corrected ones.
+    // 15 min unaided: kilometres with raw readings, far less with corrected ones.
     assert!(of("as_logged", "position_m") > 1000.0, "{errors}");
     assert!(
         of("free", "position_m") < 0.5 * of("as_logged", "position_m"),
@@ -75,9 +75,8 @@ fn a_flight_is_identified() {
     assert!(page.contains("Against the truth of the log"));
 }
 
-/// Nothing stands still in the air: the specific force of a climbing turn is taken for the
-/// vertical, and is off by degrees. Told that it may be, the INS does not look for the cause in
-/// its heading.
+/// In flight the specific force of a climbing turn is used as vertical, with errors of degrees. With a tilt
+/// sigma that covers it, the INS does not attribute the innovations to its heading.
 #[test]
 fn a_start_in_the_air_keeps_its_heading() {
     let folder = tempfile::tempdir().unwrap();
@@ -99,13 +98,13 @@ fn a_start_in_the_air_keeps_its_heading() {
                 continue;
             };
             if let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) {
-                let off = wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).abs();
-                errors_deg.push(off.to_degrees());
-                sigmas.push(off / sigma.attitude_rad.z);
+                let error = wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).abs();
+                errors_deg.push(error.to_degrees());
+                sigmas.push(error / sigma.attitude_rad.z);
             }
         }
-        // The spread of a heading that is given is 17 deg, the turn before the start adds some; and the
-        // largest of a thousand errors is beyond three sigmas.
+        // A given heading has a sigma of 17 deg, and the turn before the start adds some; the largest of a
+        // thousand errors is beyond three sigmas.
         let largest = |of: &[f64]| of.iter().copied().fold(0.0, f64::max);
         assert!(largest(&errors_deg) < 34.0, "{seed}: {errors_deg:?}");
         assert!(largest(&sigmas) < 3.5, "{seed}: {sigmas:?}");
@@ -113,9 +112,9 @@ fn a_start_in_the_air_keeps_its_heading() {
     }
 }
 
-/// Half a second is taken for that of another clock in one of the drives, and not in the other.
+/// Half a second is reported as clock offset in one of the drives and as latency in the other.
 #[test]
-fn drives_with_a_late_receiver_have_one_latency() {
+fn drives_with_a_late_receiver_get_the_same_latency() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let found = path("found");
@@ -137,7 +136,7 @@ fn drives_with_a_late_receiver_have_one_latency() {
     let model = std::fs::read_to_string(found.join("error-model.toml")).unwrap();
     let model: toml::Value = toml::from_str(&model).unwrap();
     for bound in model["gnss"]["latency_s"].as_array().unwrap() {
-        let off_s = bound.as_float().unwrap() - 0.5;
-        assert!(off_s.abs() < 0.02, "{bound}");
+        let error_s = bound.as_float().unwrap() - 0.5;
+        assert!(error_s.abs() < 0.02, "{bound}");
     }
 }

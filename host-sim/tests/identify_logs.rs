@@ -1,4 +1,4 @@
-//! Several logs, one error model, and the model used again.
+//! An error model identified from several logs, and used in simulations.
 
 use std::fs;
 use std::path::Path;
@@ -26,7 +26,7 @@ fn command(home: &Path, arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn a_model_of_several_logs_drives_again() {
+fn an_identified_model_can_be_simulated() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     for (seed, out) in [("1", "a/log"), ("2", "b/log")] {
@@ -34,9 +34,9 @@ fn a_model_of_several_logs_drives_again() {
         assert!(host_sim(home, &drive));
     }
     let found = command(home, &["identify", "a/log", "b/log", "--out", "found"]);
-    let told = String::from_utf8(found.stdout).unwrap();
+    let stdout = String::from_utf8(found.stdout).unwrap();
     let verdicts = ["seed 1", "seed 2"].map(|seed| format!("simulated drive, {seed}: Verdict: "));
-    assert!(verdicts.iter().all(|one| told.contains(one)), "{told}");
+    assert!(verdicts.iter().all(|one| stdout.contains(one)), "{stdout}");
     let page = fs::read_to_string(home.join("found/report.html")).unwrap();
     assert!(verdicts.iter().all(|one| page.contains(one)));
     assert!(home.join("found/error-model.toml").is_file());
@@ -47,13 +47,13 @@ fn a_model_of_several_logs_drives_again() {
             && path.join("error-model.toml").is_file()
     });
     assert_eq!(reports.count(), 2);
-    // What was found is taken as it stands; what is no model is not.
+    // The identified model is accepted as it is.
     let again = ["drive", "--minutes", "1", "--out", "c", "--errors"];
     assert!(host_sim(
         home,
         &[&again[..], &["found/error-model.toml"]].concat()
     ));
-    // A log says of what class its sensors are, not of what class a drive's are by default.
+    // The log states the class of its sensors, not the default class.
     let consumer = ["drive", "--minutes", "1", "--out", "d", "--errors", "mems"];
     assert!(host_sim(home, &consumer));
     let meta = fs::read_to_string(home.join("d/meta.toml")).unwrap();
@@ -62,19 +62,19 @@ fn a_model_of_several_logs_drives_again() {
         home,
         &["identify", "a/log", "b/log", "--out", "found"]
     ));
-    // Of one log or of several, what was identified before may go.
+    // Earlier results of one or several logs may be overwritten.
     for logs in [&["a/log"][..], &["a/log", "b/log"]] {
         let again = [&["identify"], logs, &["--out", "found", "--force"]].concat();
         assert!(host_sim(home, &again));
     }
-    // Counted twice a drive would look surer than it is.
+    // Using a drive twice would understate the uncertainty.
     assert!(!host_sim(
         home,
         &["identify", "a/log", "a/log", "--out", "twice"]
     ));
 }
 
-/// What `tune` says of a drive of so many minutes.
+/// Output of `tune` for a drive of so many minutes.
 fn tuned(home: &Path, minutes: &str, more: &[&str]) -> Value {
     let drive = [&["drive", "--minutes", minutes, "--out", "log"], more].concat();
     assert!(host_sim(home, &drive));
@@ -82,16 +82,16 @@ fn tuned(home: &Path, minutes: &str, more: &[&str]) -> Value {
     serde_json::from_slice(&tuned.stdout).unwrap()
 }
 
-/// Positions that are noisy and near each other differ by much more than velocities, those further apart by less.
+/// Differences of close positions are noisier than velocities, of distant ones less noisy.
 #[test]
-fn velocities_of_a_minute_are_not_taken_for_differences_of_positions() {
+fn velocities_are_not_mistaken_for_position_differences() {
     let home = tempfile::tempdir().unwrap();
     let tuned = tuned(home.path(), "1", &[]);
     assert_eq!(tuned["warnings"], Value::Array(Vec::new()));
 }
 
 #[test]
-fn a_drive_that_gnss_does_not_see_is_not_taken_for_rest() {
+fn a_drive_without_gnss_is_not_mistaken_for_rest() {
     let home = tempfile::tempdir().unwrap();
     let mut model = ErrorModel::hg1700();
     model.gnss.outages = vec![Outage {
@@ -113,9 +113,9 @@ fn a_drive_that_gnss_does_not_see_is_not_taken_for_rest() {
     );
 }
 
-/// A hole that the log ends with is no log that never levelled.
+/// A gap near the end of the log differs from a log in which levelling failed.
 #[test]
-fn a_log_that_ends_after_a_hole_is_told_what_it_lost() {
+fn a_log_ending_after_a_gap_gets_its_own_message() {
     let home = tempfile::tempdir().unwrap();
     let config = DriveConfig::new(2, Grade::Hg1700, 3.0);
     let SimulatedDrive { mut imu, gnss, .. } = simulate(&config);
@@ -139,12 +139,12 @@ fn a_log_that_ends_after_a_hole_is_told_what_it_lost() {
     assert!(against.contains("not found anew"), "{against}");
 }
 
-/// A navigating core queues a fix first; what becomes of it shows only later.
+/// A navigating core queues a fix first; its outcome is known later.
 #[test]
-fn fixes_that_were_queued_and_then_refused_are_counted_as_refused() {
+fn queued_fixes_are_counted_by_their_final_outcome() {
     let config = DriveConfig::new(3, Grade::Hg1700, 6.0);
     let mut drive = simulate(&config);
-    let mut wild = 0;
+    let mut outliers = 0;
     for fix in drive.gnss.iter_mut().skip(3000).step_by(50) {
         if let Some(velocity_mps) = &mut fix.velocity_en_mps {
             velocity_mps.x += 40.0;
@@ -152,7 +152,7 @@ fn fixes_that_were_queued_and_then_refused_are_counted_as_refused() {
         fix.position = None;
         fix.height_m = None;
         fix.velocity_up_mps = None;
-        wild += 1;
+        outliers += 1;
     }
     let imu_output = config.recording.errors.imu.output;
     let log = drive.into_log(BodyAxes::Rfu, imu_output);
@@ -162,8 +162,11 @@ fn fixes_that_were_queued_and_then_refused_are_counted_as_refused() {
     };
     let found = identify(&log, config, &ProgressBar::hidden()).unwrap();
     let outcomes = found.gnss_outcomes();
-    let mut refused = outcomes.iter().filter(|one| one.0 == GnssOutcome::Outlier);
-    let refused = refused.next().map_or(0, |(_, count)| *count);
-    // A wild one goes with the neighbour that it is compared with.
-    assert!((wild..=2 * wild).contains(&refused), "{refused} of {wild}");
+    let mut rejected = outcomes.iter().filter(|one| one.0 == GnssOutcome::Outlier);
+    let rejected = rejected.next().map_or(0, |(_, count)| *count);
+    // An outlier also causes the rejection of the fix averaged with it.
+    assert!(
+        (outliers..=2 * outliers).contains(&rejected),
+        "{rejected} of {outliers}"
+    );
 }

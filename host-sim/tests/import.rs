@@ -1,5 +1,5 @@
-//! Recordings of other programs, made here byte by byte from one drive: each must read as that
-//! drive. Real ones are read where they are at hand.
+//! Recordings of other programs, generated here from one drive: each must be read as that drive. Real ones
+//! are read if available.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -18,7 +18,7 @@ use nalgebra::{Vector2, Vector3};
 const IMU_HZ: usize = 50;
 const FIX_HZ: usize = 5;
 const SECONDS: usize = 60;
-/// Metres in a radian of latitude and of longitude, near enough for a drive of a kilometre.
+/// Metres per radian of latitude and of longitude, sufficient for a drive of a kilometre.
 const NORTH_M: f64 = 6_367_400.0;
 const EAST_M: f64 = 4_517_600.0;
 
@@ -82,13 +82,13 @@ fn drive() -> Drive {
     Drive { imu, gnss }
 }
 
-/// As most formats write it.
+/// Single precision, as in most formats.
 #[allow(clippy::cast_possible_truncation)]
 fn single(value: f64) -> [u8; 4] {
     (value as f32).to_le_bytes()
 }
 
-/// What a format may lose.
+/// Precision and content that a format keeps.
 #[derive(Clone, Copy)]
 struct Expected {
     /// From the drive's clock to the recording's, s.
@@ -98,17 +98,17 @@ struct Expected {
     climb: bool,
 }
 
-fn assert_is_the_drive(log: &Log, expected: Expected) {
+fn assert_drive(log: &Log, expected: Expected) {
     let Drive { imu, gnss } = drive();
     let within = expected.within;
     let scale = match log.meta.imu {
         ImuOutput::Rates => 1.0,
         ImuOutput::Increments => IMU_HZ as f64,
     };
-    // The last sample may lack its partner to be put together with.
+    // The last sample may be incomplete.
     assert!(log.imu.len() + 2 > imu.len(), "{} samples", log.imu.len());
-    for (got, sample) in log.imu.iter().zip(&imu) {
-        let time_s = got.time.as_seconds() - expected.clock_s;
+    for (actual, sample) in log.imu.iter().zip(&imu) {
+        let time_s = actual.time.as_seconds() - expected.clock_s;
         let rfu = |v: Vector3<f64>| Vector3::new(v.y, v.x, -v.z);
         assert!(
             (time_s - sample.time_s).abs() < 2e-3,
@@ -116,47 +116,47 @@ fn assert_is_the_drive(log: &Log, expected: Expected) {
             sample.time_s
         );
         assert!(
-            (scale * got.gyro - rfu(sample.gyro)).amax() < within,
-            "{got:?} at {time_s}"
+            (scale * actual.gyro - rfu(sample.gyro)).amax() < within,
+            "{actual:?} at {time_s}"
         );
         assert!(
-            (scale * got.accel - rfu(sample.accel)).amax() < within,
-            "{got:?} at {time_s}"
+            (scale * actual.accel - rfu(sample.accel)).amax() < within,
+            "{actual:?} at {time_s}"
         );
     }
     assert_eq!(log.gnss.len(), gnss.len());
-    for (got, fix) in log.gnss.iter().zip(&gnss) {
-        assert_is_the_fix(got, fix, expected);
+    for (actual, fix) in log.gnss.iter().zip(&gnss) {
+        assert_fix(actual, fix, expected);
     }
 }
 
-fn assert_is_the_fix(got: &GnssFix, fix: &Fix, expected: Expected) {
+fn assert_fix(actual: &GnssFix, fix: &Fix, expected: Expected) {
     let within = expected.within;
-    let time_s = got.time.as_seconds() - expected.clock_s;
+    let time_s = actual.time.as_seconds() - expected.clock_s;
     assert!(
         (time_s - fix.time_s).abs() < 2e-3,
         "{time_s} {}",
         fix.time_s
     );
-    let position = got.position.unwrap();
+    let position = actual.position.unwrap();
     // A decimetre.
     assert!(
         (position.latitude_rad - fix.lat_deg.to_radians()).abs() < 2e-8,
-        "{got:?}"
+        "{actual:?}"
     );
     assert!(
         (position.longitude_rad - fix.lon_deg.to_radians()).abs() < 2e-8,
-        "{got:?}"
+        "{actual:?}"
     );
     assert!(
-        (got.height_m.unwrap() - fix.height_m).abs() < 0.02,
-        "{got:?}"
+        (actual.height_m.unwrap() - fix.height_m).abs() < 0.02,
+        "{actual:?}"
     );
     assert!(
-        (got.velocity_en_mps.unwrap() - fix.velocity).amax() < within,
-        "{got:?}"
+        (actual.velocity_en_mps.unwrap() - fix.velocity).amax() < within,
+        "{actual:?}"
     );
-    match got.velocity_up_mps {
+    match actual.velocity_up_mps {
         Some(up_mps) => assert!((up_mps - fix.up_mps).abs() < within),
         None => assert!(!expected.climb),
     }
@@ -182,17 +182,17 @@ fn speed_and_course(fix: &Fix) -> (f64, f64) {
 
 /// Whole units, rounded.
 #[allow(clippy::cast_possible_truncation)]
-fn whole(value: f64) -> i32 {
+fn rounded(value: f64) -> i32 {
     value.round() as i32
 }
 
 fn millis(time_s: f64) -> u32 {
-    whole(1e3 * time_s).cast_unsigned()
+    rounded(1e3 * time_s).cast_unsigned()
 }
 
 // --- DataFlash ---
 
-fn describe(bytes: &mut Vec<u8>, kind: u8, name: &str, format: &str, labels: &str) {
+fn format_message(bytes: &mut Vec<u8>, kind: u8, name: &str, format: &str, labels: &str) {
     let sizes = |c: char| match c {
         'B' => 1,
         'c' | 'H' => 2,
@@ -208,7 +208,7 @@ fn describe(bytes: &mut Vec<u8>, kind: u8, name: &str, format: &str, labels: &st
     }
 }
 
-/// Of a barometer that reads what the receiver does.
+/// Barometer heights equal those of the receiver.
 fn assert_heights(log: &Log) {
     assert_eq!(log.baro.len(), log.gnss.len());
     for (height, fix) in log.baro.iter().zip(&log.gnss) {
@@ -217,35 +217,35 @@ fn assert_heights(log: &Log) {
     }
 }
 
-/// As new logs have them, with two sensors by field.
+/// Current form of logs, with two sensors.
 fn dataflash(drive: &Drive) -> Vec<u8> {
     dataflash_of(drive, &[1.0, 1.01])
 }
 
-/// With sensors of these scales.
+/// With one sensor for each scale factor.
 fn dataflash_of(drive: &Drive, scales: &[f64]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    describe(
+    format_message(
         &mut bytes,
         1,
         "IMU",
         "QQBffffff",
         "TimeUS,SampleUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
     );
-    describe(
+    format_message(
         &mut bytes,
         2,
         "GPS",
         "QBBLLefff",
         "TimeUS,I,Status,Lat,Lng,Alt,Spd,GCrs,VZ",
     );
-    describe(&mut bytes, 3, "BARO", "Qf", "TimeUS,Alt");
-    describe(&mut bytes, 4, "GPA", "QBf", "TimeUS,I,Und");
+    format_message(&mut bytes, 3, "BARO", "Qf", "TimeUS,Alt");
+    format_message(&mut bytes, 4, "GPA", "QBf", "TimeUS,I,Und");
     for sample in &drive.imu {
         for (instance, scale) in (0_u8..).zip(scales) {
             bytes.extend([0xa3, 0x95, 1]);
             bytes.extend(u64::from(millis(sample.time_s) * 1000).to_le_bytes());
-            // The driver does not say when it sampled.
+            // The driver states no sampling time.
             bytes.extend(0_u64.to_le_bytes());
             bytes.push(instance);
             for value in sample.gyro.iter().chain(&sample.accel) {
@@ -258,10 +258,10 @@ fn dataflash_of(drive: &Drive, scales: &[f64]) -> Vec<u8> {
         bytes.extend([0xa3, 0x95, 2]);
         bytes.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
         bytes.extend([0, 3]);
-        bytes.extend(whole(1e7 * fix.lat_deg).to_le_bytes());
-        bytes.extend(whole(1e7 * fix.lon_deg).to_le_bytes());
-        // The sea is 40 m above the ellipsoid, which counts from there.
-        bytes.extend(whole(1e2 * (fix.height_m - 40.0)).to_le_bytes());
+        bytes.extend(rounded(1e7 * fix.lat_deg).to_le_bytes());
+        bytes.extend(rounded(1e7 * fix.lon_deg).to_le_bytes());
+        // Heights above sea level, which is 40 m above the ellipsoid.
+        bytes.extend(rounded(1e2 * (fix.height_m - 40.0)).to_le_bytes());
         for value in [speed, course, -fix.up_mps] {
             bytes.extend(single(value));
         }
@@ -273,35 +273,35 @@ fn dataflash_of(drive: &Drive, scales: &[f64]) -> Vec<u8> {
         bytes.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
         bytes.extend(single(fix.height_m));
     }
-    // Power was lost.
+    // Incomplete message after a power loss.
     bytes.extend([0xa3, 0x95, 1, 7]);
     bytes
 }
 
 #[test]
-fn dataflash_reads_as_the_drive() {
+fn dataflash_is_imported() {
     let folder = tempfile::tempdir().unwrap();
-    // Told by content.
+    // Recognized by content.
     let path = file(folder.path(), "flight.txt", dataflash(&drive()));
     let (log, warnings) = open(&path).unwrap();
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
     assert_heights(&log);
     assert!(
         warnings[0].found.contains("1 IMU 1 (3000), 2 IMU 2 (3000)"),
         "{warnings:?}"
     );
-    // Both commands that have the option are named.
+    // Both commands with the option are mentioned.
     let cause = "1 is used; --imu N of `import` and `tune` chooses another inertial sensor";
     assert_eq!(&*warnings[0].cause, cause);
 }
 
 #[test]
-fn damage_of_dataflash_is_told() {
+fn damage_of_dataflash_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let mut bytes = dataflash_of(&drive(), &[1.0]);
     let (_, warnings) = open(&file(folder.path(), "flight.bin", &bytes)).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    // Four messages that describe, and ten samples.
+    // After four format messages and ten samples.
     let at = 4 * 89 + 10 * 44;
     bytes[at..at + 440].fill(0xff);
     let (log, warnings) = open(&file(folder.path(), "flight.bin", &bytes)).unwrap();
@@ -315,19 +315,19 @@ fn damage_of_dataflash_is_told() {
 }
 
 #[test]
-fn a_packed_recording_that_breaks_off_is_told() {
+fn a_truncated_compressed_recording_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     for bytes in [dataflash(&drive()), ulog(&drive()), ros_bag(&drive())] {
-        let mut packed = packed(&bytes);
-        packed.truncate(packed.len() * 9 / 10);
-        let error = open(&file(folder.path(), "flight.gz", packed)).unwrap_err();
+        let mut compressed = compressed(&bytes);
+        compressed.truncate(compressed.len() * 9 / 10);
+        let error = open(&file(folder.path(), "flight.gz", compressed)).unwrap_err();
         assert!(error.cause.contains("broke off: `zcat`"), "{error:?}");
     }
 }
 
-/// Lengths that cannot be, over which the parsers panic.
+/// Invalid lengths, on which the parsers panic.
 #[test]
-fn damage_that_parsers_do_not_survive_is_an_error() {
+fn parser_panics_are_reported_as_errors() {
     let folder = tempfile::tempdir().unwrap();
     let mut dataflash = dataflash(&drive());
     dataflash[4] = 1;
@@ -340,7 +340,7 @@ fn damage_that_parsers_do_not_survive_is_an_error() {
 }
 
 #[test]
-fn sentences_of_a_wrong_sum_are_told() {
+fn nmea_checksum_errors_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
     let text = nmea(&drive()).replacen("$GNGGA,", "$GNGGA,9", 1);
@@ -350,16 +350,16 @@ fn sentences_of_a_wrong_sum_are_told() {
         .unwrap() as u64;
     let paths = [imu.clone(), file(folder.path(), "log.nmea", text)];
     let (_, warnings) = read(&paths, Choice::default()).unwrap();
-    let told = warnings.iter().find(|warning| warning.line == Some(line));
-    assert!(told.unwrap().cause.ends_with("left out"), "{warnings:?}");
-    // A file without a fix is named, whichever comes first.
+    let warning = warnings.iter().find(|warning| warning.line == Some(line));
+    assert!(warning.unwrap().cause.ends_with("left out"), "{warnings:?}");
+    // A file without a fix is reported, whichever comes first.
     let void = file(folder.path(), "void.nmea", "$GPRMC,,V,,,,,,,,,,N*53\r\n");
     let error = read(&[imu, void.clone()], Choice::default()).unwrap_err();
     assert_eq!(*error.path, *void);
 }
 
 #[test]
-fn another_sensor_is_chosen_by_its_number() {
+fn sensors_are_selected_by_number() {
     let folder = tempfile::tempdir().unwrap();
     let path = [file(folder.path(), "flight.bin", dataflash(&drive()))];
     let of = |imu| {
@@ -376,7 +376,7 @@ fn another_sensor_is_chosen_by_its_number() {
     assert!((ratio - 1.01).abs() < 1e-6);
     let error = of(3).unwrap_err();
     assert_eq!(&*error.expected, "--imu from 1 to 2");
-    // Whatever file comes first, that of the sensors is named.
+    // The file of the sensors is reported, whichever comes first.
     let fixes = file(folder.path(), "log.nmea", nmea(&drive()));
     let (_, warnings) = read(&[fixes, path[0].clone()], Choice::default()).unwrap();
     let several = |warning: &&LogError| &*warning.expected == "one source of inertial samples";
@@ -384,7 +384,7 @@ fn another_sensor_is_chosen_by_its_number() {
 }
 
 #[test]
-fn a_sensor_behind_one_that_is_refused_is_tried() {
+fn sensors_after_a_rejected_one_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = dataflash_of(&drive(), &[1.0, 0.0, 1.01]);
     let rows = recordings(&file(folder.path(), "flight.bin", bytes), None);
@@ -452,20 +452,20 @@ fn ulog(drive: &Drive) -> Vec<u8> {
 }
 
 #[test]
-fn ulog_reads_as_the_drive() {
+fn ulog_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path(), "flight.ulg", ulog(&drive()));
     let (log, warnings) = open(&path).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
     assert!((log.gnss[0].sigma.position_m.unwrap() - 0.7).abs() < 1e-6);
     assert_heights(&log);
-    let packed = file(folder.path(), "flight.ulg.gz", packed(&ulog(&drive())));
-    assert_eq!(open(&packed).unwrap().0.imu, log.imu);
+    let compressed = file(folder.path(), "flight.ulg.gz", compressed(&ulog(&drive())));
+    assert_eq!(open(&compressed).unwrap().0.imu, log.imu);
 }
 
 #[test]
-fn ulog_cut_short_is_used() {
+fn truncated_ulog_is_used() {
     let folder = tempfile::tempdir().unwrap();
     let mut bytes = ulog(&drive());
     let length = bytes.len() - 11;
@@ -474,26 +474,29 @@ fn ulog_cut_short_is_used() {
     let (log, warnings) = open(&path).unwrap();
     assert_eq!(log.gnss.len(), drive().gnss.len() - 1);
     // The last record has 55 bytes.
-    let place = format!("at byte {} of {length}", length - 44);
-    let found = format!("one that ends too early, or is damaged {place}");
+    let position = format!("at byte {} of {length}", length - 44);
+    let found = format!("one that ends too early, or is damaged {position}");
     assert_eq!(*warnings[0].found, *found);
-    // In the definitions, then behind them.
+    // Damage in the definitions, then after them.
     let mut damaged = ulog(&drive());
     let at = damaged.windows(8).position(|w| w == b"uint64_t").unwrap() - 1;
     damaged[at] = b' ';
     let error = open(&file(folder.path(), "flight.ulg", damaged)).unwrap_err();
     assert_eq!(&*error.found, "damaged ones");
-    let whole = ulog(&drive());
-    let damaged = [whole.clone(), ulog_message(b'D', &[0; 3])].concat();
+    let rounded = ulog(&drive());
+    let damaged = [rounded.clone(), ulog_message(b'D', &[0; 3])].concat();
     let (_, warnings) = open(&file(folder.path(), "flight.ulg", damaged)).unwrap();
-    let place = format!("at byte {} of {}", whole.len(), whole.len() + 6);
-    let found = format!("one with a damaged record {place}: read up to there");
+    let position = format!("at byte {} of {}", rounded.len(), rounded.len() + 6);
+    let found = format!("one with a damaged record {position}: read up to there");
     assert_eq!(*warnings[0].found, *found);
-    // Nothing but zeros is a record of no kind.
-    let damaged = [whole.as_slice(), &[0; 300]].concat();
+    // Zeros are no valid record.
+    let damaged = [rounded.as_slice(), &[0; 300]].concat();
     let (_, warnings) = open(&file(folder.path(), "flight.ulg", damaged)).unwrap();
-    let place = format!("at byte {} of {}", whole.len(), whole.len() + 300);
-    assert_eq!(*warnings[0].found, *format!("one that is damaged {place}"));
+    let position = format!("at byte {} of {}", rounded.len(), rounded.len() + 300);
+    assert_eq!(
+        *warnings[0].found,
+        *format!("one that is damaged {position}")
+    );
 }
 
 // --- UBX ---
@@ -512,13 +515,13 @@ fn ubx_frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
 fn nav_pvt(fix: &Fix) -> Vec<u8> {
     let mut payload = vec![0; 92];
     let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
-    put(0, whole(1e3 * fix.time_s));
-    put(24, whole(1e7 * fix.lon_deg));
-    put(28, whole(1e7 * fix.lat_deg));
-    put(32, whole(1e3 * fix.height_m));
-    put(48, whole(1e3 * fix.velocity.y));
-    put(52, whole(1e3 * fix.velocity.x));
-    put(56, whole(-1e3 * fix.up_mps));
+    put(0, rounded(1e3 * fix.time_s));
+    put(24, rounded(1e7 * fix.lon_deg));
+    put(28, rounded(1e7 * fix.lat_deg));
+    put(32, rounded(1e3 * fix.height_m));
+    put(48, rounded(1e3 * fix.velocity.y));
+    put(52, rounded(1e3 * fix.velocity.x));
+    put(56, rounded(-1e3 * fix.up_mps));
     payload[20] = 3;
     payload[21] = 1;
     ubx_frame(1, 7, &payload)
@@ -528,8 +531,8 @@ fn nav_pvt(fix: &Fix) -> Vec<u8> {
 fn esf_meas(sample: &Sample, tag_ms: u32) -> Vec<u8> {
     let mut payload = tag_ms.to_le_bytes().to_vec();
     payload.extend([0, 6 << 3, 0, 0]);
-    let gyro = sample.gyro.map(|x| whole(x.to_degrees() * 4096.0));
-    let accel = sample.accel.map(|x| whole(x * 1024.0));
+    let gyro = sample.gyro.map(|x| rounded(x.to_degrees() * 4096.0));
+    let accel = sample.accel.map(|x| rounded(x * 1024.0));
     let kinds = [14_u32, 13, 5, 16, 17, 18];
     for (kind, value) in kinds.into_iter().zip(gyro.iter().chain(&accel)) {
         let word = kind << 24 | value.cast_unsigned() & 0x00ff_ffff;
@@ -539,10 +542,10 @@ fn esf_meas(sample: &Sample, tag_ms: u32) -> Vec<u8> {
 }
 
 #[test]
-fn ubx_reads_as_the_drive() {
+fn ubx_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let week_s = 604_800.0;
-    // The second drives over the end of a week, where the receiver's time begins anew.
+    // The second run crosses the end of a week, where the receiver's time wraps.
     for clock_s in [0.0, week_s - 20.0] {
         let Drive { imu, mut gnss } = drive();
         for fix in &mut gnss {
@@ -557,7 +560,7 @@ fn ubx_reads_as_the_drive() {
         }
         let path = file(folder.path(), "drive.ubx", bytes);
         let (log, _) = open(&path).unwrap();
-        assert_is_the_drive(
+        assert_drive(
             &log,
             Expected {
                 within: 1.5e-3,
@@ -568,9 +571,9 @@ fn ubx_reads_as_the_drive() {
     }
 }
 
-/// The receiver's clock goes on with the week, that of its sensors begins anew.
+/// The receiver's clock continues, that of its sensors restarts.
 #[test]
-fn ubx_of_a_receiver_that_was_started_anew_reads_on() {
+fn ubx_of_a_restarted_receiver_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let Drive { imu, gnss } = drive();
     let mut bytes = Vec::new();
@@ -584,8 +587,8 @@ fn ubx_of_a_receiver_that_was_started_anew_reads_on() {
     }
     let path = file(folder.path(), "drive.ubx", &bytes);
     let within = 1.5e-3;
-    assert_is_the_drive(&open(&path).unwrap().0, Expected { within, ..EXACT });
-    // Two drives of one time are not one.
+    assert_drive(&open(&path).unwrap().0, Expected { within, ..EXACT });
+    // Two drives of the same time cannot be joined.
     let path = file(folder.path(), "joined.ubx", bytes.repeat(2));
     let error = open(&path).unwrap_err();
     assert!(error.cause.contains("two logs joined"), "{error}");
@@ -606,7 +609,7 @@ fn ros_record(header: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
 
 fn ros_header(time_s: f64) -> Vec<u8> {
     let nanos = millis(time_s.fract()) * 1_000_000;
-    let stamp = [0, whole(time_s.floor()).cast_unsigned(), nanos, 4];
+    let stamp = [0, rounded(time_s.floor()).cast_unsigned(), nanos, 4];
     let mut bytes: Vec<u8> = stamp.iter().flat_map(|x| x.to_le_bytes()).collect();
     bytes.extend(b"link");
     bytes
@@ -704,24 +707,24 @@ fn ros_bag(drive: &Drive) -> Vec<u8> {
 }
 
 #[test]
-fn ros_bag_reads_as_the_drive() {
+fn ros_bag_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path(), "drive.bag", ros_bag(&drive()));
     let (log, warnings) = open(&path).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
     assert_eq!(log.gnss[0].sigma.position_m, Some(2.0));
     assert_eq!(log.gnss[0].sigma.height_m, Some(3.0));
 }
 
 #[test]
-fn what_a_damaged_bag_lacks_is_told() {
+fn damage_of_a_bag_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = ros_bag(&drive());
     let end = bytes.len();
-    let told = |bytes: &[u8]| {
+    let warning_of = |bytes: &[u8]| {
         let (log, warnings) = open(&file(folder.path(), "drive", bytes)).unwrap();
-        assert_is_the_drive(&log, EXACT);
+        assert_drive(&log, EXACT);
         warnings[0].found.clone()
     };
     let half = file(folder.path(), "drive", &bytes[..end / 2]);
@@ -731,20 +734,20 @@ fn what_a_damaged_bag_lacks_is_told() {
             .cause
             .contains("breaks off at byte")
     );
-    let cut = told(&[&bytes[..], &[200, 0, 0, 0, 7]].concat());
+    let cut = warning_of(&[&bytes[..], &[200, 0, 0, 0, 7]].concat());
     assert_eq!(
         *cut,
         *format!("one that breaks off at byte {end} of {}", end + 5)
     );
     let header: [(&str, &[u8]); 2] = [("op", &[5]), ("compression", b"bz2")];
-    let chunk = told(&[bytes, ros_record(&header, b"no bz2")].concat());
+    let chunk = warning_of(&[bytes, ros_record(&header, b"no bz2")].concat());
     let expected = format!("1 of its chunks damaged, the first at byte {end}: left out");
     assert_eq!(*chunk, *expected);
     let mut mcap = mcap(&drive(), false);
     mcap.extend(mcap_chunk("lz4", b"no lz4"));
-    assert!(told(&mcap).starts_with("1 of its chunks"));
+    assert!(warning_of(&mcap).starts_with("1 of its chunks"));
     mcap.extend(b"\x89MCAP0\r");
-    assert!(told(&[mcap, b"\n".to_vec()].concat()).starts_with("1 of its chunks"));
+    assert!(warning_of(&[mcap, b"\n".to_vec()].concat()).starts_with("1 of its chunks"));
 }
 
 fn mcap_record(operation: u8, content: &[u8]) -> Vec<u8> {
@@ -760,7 +763,7 @@ fn mcap_text(text: &str) -> Vec<u8> {
     .concat()
 }
 
-/// As ROS 2 lays numbers out: each at a multiple of its size, behind four bytes.
+/// CDR encoding of ROS 2: each number aligned to its size, after a header of four bytes.
 fn cdr(parts: &[&[u8]]) -> Vec<u8> {
     let mut bytes = vec![0, 1, 0, 0];
     for part in parts {
@@ -774,7 +777,7 @@ fn cdr(parts: &[&[u8]]) -> Vec<u8> {
 
 fn cdr_message(time_s: f64, parts: &[&[u8]]) -> Vec<u8> {
     let nanos = millis(time_s.fract()) * 1_000_000;
-    let stamp = [whole(time_s.floor()).cast_unsigned(), nanos, 5].map(u32::to_le_bytes);
+    let stamp = [rounded(time_s.floor()).cast_unsigned(), nanos, 5].map(u32::to_le_bytes);
     let head = stamp.iter().map(<[u8; 4]>::as_slice);
     let frame = b"link\0".chunks(1);
     let head: Vec<&[u8]> = head.chain(frame).collect();
@@ -794,7 +797,7 @@ fn mcap(drive: &Drive, compressed: bool) -> Vec<u8> {
         let texts = [mcap_text(topic), mcap_text("cdr"), mcap_text("")].concat();
         records.extend(mcap_record(4, &[&id, id.as_slice(), &texts].concat()));
     }
-    let mut say = |channel: u16, data: Vec<u8>| {
+    let mut add = |channel: u16, data: Vec<u8>| {
         records.extend(mcap_record(
             5,
             &[&channel.to_le_bytes(), [0; 20].as_slice(), &data].concat(),
@@ -810,23 +813,23 @@ fn mcap(drive: &Drive, compressed: bool) -> Vec<u8> {
             &flu(sample.accel),
             &cov,
         ];
-        say(1, cdr_message(sample.time_s, &parts));
+        add(1, cdr_message(sample.time_s, &parts));
     }
     for fix in &drive.gnss {
-        let place = doubles(&[fix.lat_deg, fix.lon_deg, fix.height_m]);
+        let position = doubles(&[fix.lat_deg, fix.lon_deg, fix.height_m]);
         let cov = doubles(&[4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 9.0]);
-        say(
+        add(
             2,
-            cdr_message(fix.time_s, &[&[0], &[1, 0], &place, &cov, &[2]]),
+            cdr_message(fix.time_s, &[&[0], &[1, 0], &position, &cov, &[2]]),
         );
         let twist = doubles(&[fix.velocity.x, fix.velocity.y, fix.up_mps, 0.0, 0.0, 0.0]);
-        say(3, cdr_message(fix.time_s, &[&twist]));
+        add(3, cdr_message(fix.time_s, &[&twist]));
     }
     let mut compression = "";
     if compressed {
-        let mut packed = FrameEncoder::new(Vec::new());
-        packed.write_all(&records).unwrap();
-        records = packed.finish().unwrap();
+        let mut compressed = FrameEncoder::new(Vec::new());
+        compressed.write_all(&records).unwrap();
+        records = compressed.finish().unwrap();
         compression = "lz4";
     }
     [
@@ -850,7 +853,7 @@ fn mcap_chunk(compression: &str, records: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn mcap_of_chunks_within_chunks_is_refused() {
+fn nested_mcap_chunks_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let nested = mcap_chunk("", &mcap_chunk("", &[]));
     let bytes = [b"\x89MCAP0\r\n".as_slice(), &nested].concat();
@@ -859,20 +862,20 @@ fn mcap_of_chunks_within_chunks_is_refused() {
 }
 
 #[test]
-fn mcap_reads_as_the_drive() {
+fn mcap_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     for compressed in [false, true] {
         let path = file(folder.path(), "drive.mcap", mcap(&drive(), compressed));
         let (log, warnings) = open(&path).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
-        assert_is_the_drive(&log, EXACT);
+        assert_drive(&log, EXACT);
         assert_eq!(log.gnss[0].sigma.height_m, Some(3.0));
     }
 }
 
 // --- texts ---
 
-/// Made in 1970, so that NMEA may stand beside it.
+/// With times in 1970, consistent with the NMEA dates.
 fn euroc(drive: &Drive) -> String {
     let mut text = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],\
                     a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"
@@ -894,19 +897,19 @@ fn nmea(drive: &Drive) -> String {
     nmea_from(drive, 0.0)
 }
 
-/// From so many seconds after midnight on; over the next one with the date before all else.
+/// Starts `clock_s` after midnight; across midnight, the sentence with the date comes first.
 fn nmea_from(drive: &Drive, clock_s: f64) -> String {
     let mut text = String::new();
-    let mut say = |body: String| {
+    let mut add = |body: String| {
         let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
         writeln!(text, "${body}*{sum:02X}\r").unwrap();
     };
     for fix in &drive.gnss {
         let minutes = |deg: f64, width: usize| {
-            let whole = deg.abs().floor();
-            format!("{whole:0width$.0}{:010.7}", 60.0 * (deg.abs() - whole))
+            let rounded = deg.abs().floor();
+            format!("{rounded:0width$.0}{:010.7}", 60.0 * (deg.abs() - rounded))
         };
-        let place = format!(
+        let position = format!(
             "{},N,{},W",
             minutes(fix.lat_deg, 2),
             minutes(fix.lon_deg, 3)
@@ -919,57 +922,57 @@ fn nmea_from(drive: &Drive, clock_s: f64) -> String {
         let knots = speed * 3600.0 / 1852.0;
         let height = fix.height_m - 50.0;
         let mut both = [
-            format!("GNGGA,{time},{place},1,09,1.0,{height:.3},M,50.0,M,,"),
-            format!("GNRMC,{time},A,{place},{knots:.5},{course:.5},{day:02.0}0170,,,A"),
+            format!("GNGGA,{time},{position},1,09,1.0,{height:.3},M,50.0,M,,"),
+            format!("GNRMC,{time},A,{position},{knots:.5},{course:.5},{day:02.0}0170,,,A"),
         ];
         both.rotate_left(usize::from(clock_s > 0.0));
-        both.into_iter().for_each(&mut say);
-        say(format!("GNGST,{time},1.0,,,,3.0,4.0,7.0"));
+        both.into_iter().for_each(&mut add);
+        add(format!("GNGST,{time},1.0,,,,3.0,4.0,7.0"));
     }
     text
 }
 
 #[test]
-fn velocities_without_a_time_are_of_their_epoch_wherever_they_stand() {
+fn vtg_velocities_belong_to_their_epoch_in_any_order() {
     let folder = tempfile::tempdir().unwrap();
     let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
-    for leads in [false, true] {
+    for vtg_first in [false, true] {
         let mut lines: Vec<String> = nmea(&drive()).lines().map(str::to_owned).collect();
         for (fix, lines) in drive().gnss.iter().zip(lines.chunks_mut(3)) {
             let (speed, course) = speed_and_course(fix);
             let knots = speed * 3600.0 / 1852.0;
             let body = format!("GNVTG,{course:.5},T,,M,{knots:.5},N,,K,A");
             let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
-            // In the place of RMC.
+            // Instead of RMC.
             lines[1] = format!("${body}*{sum:02X}");
-            lines[..2].rotate_left(usize::from(leads));
+            lines[..2].rotate_left(usize::from(vtg_first));
         }
         let gnss = file(folder.path(), "log.nmea", lines.join("\n"));
-        assert_nmea_is_the_drive(&[imu.clone(), gnss]);
+        assert_nmea_drive(&[imu.clone(), gnss]);
     }
 }
 
 #[test]
-fn nmea_beside_inertial_samples_reads_as_the_drive() {
+fn nmea_with_inertial_samples_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
     for clock_s in [0.0, 86_380.0] {
         let text = nmea_from(&drive(), clock_s);
         let gnss = file(folder.path(), "log.nmea", text);
-        assert_nmea_is_the_drive(&[imu.clone(), gnss]);
+        assert_nmea_drive(&[imu.clone(), gnss]);
     }
 }
 
-fn assert_nmea_is_the_drive(files: &[PathBuf]) {
+fn assert_nmea_drive(files: &[PathBuf]) {
     let (mut log, _) = read(files, Choice::default()).unwrap();
-    // The shift from one origin to the other is whole; motion shows it to a part of a second.
+    // The offset is a whole number of seconds; motion determines it to a fraction.
     let offset_s = log.meta.gnss_clock_offset_s;
-    let off_s = offset_s - offset_s.round();
-    assert!(off_s.abs() < 0.1, "{offset_s}");
+    let fraction_s = offset_s - offset_s.round();
+    assert!(fraction_s.abs() < 0.1, "{offset_s}");
     for fix in &mut log.gnss {
-        fix.time = fix.time.plus_seconds(off_s);
+        fix.time = fix.time.plus_seconds(fraction_s);
     }
-    assert_is_the_drive(
+    assert_drive(
         &log,
         Expected {
             within: 2e-3,
@@ -983,7 +986,7 @@ fn assert_nmea_is_the_drive(files: &[PathBuf]) {
 }
 
 #[test]
-fn gnss_alone_says_what_is_missing() {
+fn gnss_alone_is_rejected_with_the_cause() {
     let folder = tempfile::tempdir().unwrap();
     let error = open(&file(folder.path(), "log.nmea", nmea(&drive()))).unwrap_err();
     assert_eq!(
@@ -993,7 +996,7 @@ fn gnss_alone_says_what_is_missing() {
 }
 
 #[test]
-fn rtklib_beside_inertial_samples_reads_as_the_drive() {
+fn rtklib_with_inertial_samples_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let mut text = "% program   : RTKPOST\n%  GPST   latitude(deg) longitude(deg)  height(m)   Q  \
                     ns   sdn(m)   sde(m)   sdu(m)   vn(m/s)    ve(m/s)    vu(m/s)\n"
@@ -1011,12 +1014,12 @@ fn rtklib_beside_inertial_samples_reads_as_the_drive() {
     let gnss = file(folder.path(), "solution.pos", text);
     let (log, warnings) = read(&[gnss, imu], Choice::default()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
 }
 
-/// In what separators and angles the user likes; longitudes from 0 to 360 deg.
+/// With other separators and angle formats; longitudes from 0 to 360 deg.
 #[test]
-fn rtklib_of_any_form_reads_as_the_drive() {
+fn rtklib_of_any_format_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
     let angle = |deg: f64| {
@@ -1035,13 +1038,13 @@ fn rtklib_of_any_form_reads_as_the_drive() {
         );
         for fix in drive().gnss {
             let (lat, lon, v) = (fix.lat_deg, fix.lon_deg + 360.0, fix.velocity);
-            let place = match unit {
+            let position = match unit {
                 "deg" => format!("{lat:.9},{lon:.9}"),
                 _ => format!("{},{}", angle(lat), angle(lon)),
             };
             writeln!(
                 text,
-                "1970/01/01 00:00:{:06.3}, {place}, {:.4}, 1, {:.5}, {:.5}, {:.5}",
+                "1970/01/01 00:00:{:06.3}, {position}, {:.4}, 1, {:.5}, {:.5}, {:.5}",
                 fix.time_s, fix.height_m, v.y, v.x, fix.up_mps
             )
             .unwrap();
@@ -1049,11 +1052,11 @@ fn rtklib_of_any_form_reads_as_the_drive() {
         let gnss = file(folder.path(), "solution.pos", text);
         let (log, warnings) = read(&[gnss, imu.clone()], Choice::default()).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
-        assert_is_the_drive(&log, EXACT);
+        assert_drive(&log, EXACT);
     }
 }
 
-/// The tables of a folder in one file, behind bytes that another format begins with.
+/// The tables of a folder in one archive, after bytes that another format begins with.
 fn zip(folder: &Path) -> PathBuf {
     let path = folder.join("phone.zip");
     let mut archive = zip::ZipWriter::new(fs::File::create(&path).unwrap());
@@ -1073,7 +1076,7 @@ fn zip(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn a_phone_reads_as_the_drive() {
+fn a_phone_recording_is_imported() {
     const START_S: f64 = 1_752_154_081.0;
     let folder = tempfile::tempdir().unwrap();
     let Drive { imu, gnss } = drive();
@@ -1107,27 +1110,27 @@ fn a_phone_reads_as_the_drive() {
     file(folder.path(), "Location.csv", text);
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    // Of a radius that holds 68 %.
+    // From a radius of 68 %.
     assert!((log.gnss[0].sigma.position_m.unwrap() - 2.0).abs() < 1e-9);
-    let (zipped, _) = open(&zip(folder.path())).unwrap();
-    assert_eq!((&zipped.imu, &zipped.gnss), (&log.imu, &log.gnss));
+    let (from_zip, _) = open(&zip(folder.path())).unwrap();
+    assert_eq!((&from_zip.imu, &from_zip.gnss), (&log.imu, &log.gnss));
     let expected = Expected {
         clock_s: START_S,
         climb: false,
         ..EXACT
     };
-    assert_is_the_drive(&log, expected);
+    assert_drive(&log, expected);
 }
 
 #[test]
-fn kf_gins_reads_as_the_drive() {
+fn kf_gins_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let Drive { imu, gnss } = drive();
-    let (mut samples, mut fixes) = (String::new(), String::new());
+    let (mut recordings_folder, mut fixes) = (String::new(), String::new());
     for s in &imu {
         let (g, a) = (s.gyro / IMU_HZ as f64, s.accel / IMU_HZ as f64);
         writeln!(
-            samples,
+            recordings_folder,
             "{:.3} {} {} {} {} {} {}",
             s.time_s, g.x, g.y, g.z, a.x, a.y, a.z
         )
@@ -1142,15 +1145,15 @@ fn kf_gins_reads_as_the_drive() {
         )
         .unwrap();
     }
-    let imu = file(folder.path(), "imu.txt", samples);
+    let imu = file(folder.path(), "imu.txt", recordings_folder);
     let gnss = file(folder.path(), "gnss.txt", fixes);
     let (log, warnings) = read(&[imu, gnss], Choice::default()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
 }
 
 #[test]
-fn gnss_ins_sim_reads_as_the_drive() {
+fn gnss_ins_sim_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let Drive { imu, gnss } = drive();
     let rows = |header: &str, rows: Vec<String>| format!("{header}\n{}\n", rows.join("\n"));
@@ -1199,11 +1202,11 @@ fn gnss_ins_sim_reads_as_the_drive() {
     );
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
 }
 
 #[test]
-fn kitti_reads_as_the_drive() {
+fn kitti_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let Drive { imu, gnss } = drive();
     let mut stamps = String::new();
@@ -1222,13 +1225,13 @@ fn kitti_reads_as_the_drive() {
     file(folder.path(), "oxts/timestamps.txt", stamps);
     let (log, _) = open(folder.path()).unwrap();
     assert_eq!((log.imu.len(), log.gnss.len()), (gnss.len(), gnss.len()));
-    for (got, fix) in log.gnss.iter().zip(&gnss) {
-        assert_is_the_fix(got, fix, EXACT);
+    for (actual, fix) in log.gnss.iter().zip(&gnss) {
+        assert_fix(actual, fix, EXACT);
     }
     let sample = &imu[IMU_HZ];
-    let felt =
+    let accel_error =
         log.imu.all()[FIX_HZ].accel - Vector3::new(sample.accel.y, sample.accel.x, -sample.accel.z);
-    assert!(felt.norm() < 1e-9);
+    assert!(accel_error.norm() < 1e-9);
 }
 
 const COLUMNS: &str = r#"
@@ -1287,16 +1290,16 @@ fn tables(folder: &Path, meta: &str) {
 }
 
 #[test]
-fn tables_of_any_columns_read_as_the_drive() {
+fn tables_with_configured_columns_are_imported() {
     let folder = tempfile::tempdir().unwrap();
     tables(folder.path(), COLUMNS);
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
 }
 
 #[test]
-fn a_barometer_and_a_reference_beside_columns_are_read() {
+fn barometer_and_truth_with_configured_columns_are_read() {
     let folder = tempfile::tempdir().unwrap();
     tables(folder.path(), COLUMNS);
     let (mut baro, mut truth) = (
@@ -1318,22 +1321,22 @@ fn a_barometer_and_a_reference_beside_columns_are_read() {
 }
 
 #[test]
-fn a_table_of_a_spreadsheet_reads_with_decimal_commas() {
+fn decimal_commas_are_read() {
     let folder = tempfile::tempdir().unwrap();
     tables(folder.path(), COLUMNS);
     let raw = folder.path().join("raw.txt");
     let text = fs::read_to_string(&raw).unwrap().replace('.', ",");
     fs::write(&raw, text).unwrap();
-    assert_is_the_drive(&open(folder.path()).unwrap().0, EXACT);
+    assert_drive(&open(folder.path()).unwrap().0, EXACT);
 }
 
 #[test]
-fn rows_that_are_no_numbers_are_told() {
+fn rows_without_numbers_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     tables(folder.path(), COLUMNS);
     let gps = folder.path().join("gps.txt");
     let text = fs::read_to_string(&gps).unwrap();
-    // One row, then all stamps.
+    // One row, then all time stamps.
     fs::write(&gps, text.replacen('\n', "\n-\n", 1)).unwrap();
     let (_, warnings) = open(folder.path()).unwrap();
     assert!(warnings[0].found.starts_with("others in 1 of "));
@@ -1343,87 +1346,87 @@ fn rows_that_are_no_numbers_are_told() {
 }
 
 #[test]
-fn what_is_said_beside_columns_is_heard_as_in_a_plain_log() {
+fn other_keys_with_configured_columns_are_used() {
     let folder = tempfile::tempdir().unwrap();
-    let said = "imu = \"rates\"\ninitial_heading_deg = 90\ngrade = \"hg1700\"\n\
+    let keys = "imu = \"rates\"\ninitial_heading_deg = 90\ngrade = \"hg1700\"\n\
                 lever_arm_m = [1, 2, 3]\ngnss_clock_offset_s = 0.25\nheading = 1\n";
-    tables(folder.path(), &COLUMNS.replace("imu = \"rates\"\n", said));
+    tables(folder.path(), &COLUMNS.replace("imu = \"rates\"\n", keys));
     let (log, warnings) = open(folder.path()).unwrap();
     let meta = &log.meta;
     assert_eq!(meta.initial_heading_deg, Some(90.0));
     assert_eq!(meta.grade, Some(Grade::Hg1700));
     assert_eq!(meta.lever_arm_rfu_m, Some(Vector3::new(2.0, 1.0, -3.0)));
     assert!((meta.gnss_clock_offset_s - 0.25).abs() < 1e-12);
-    // The log that is made of it has columns of its own.
+    // The imported log has the standard columns.
     assert!(!meta.document.contains_key("columns"));
     let found: Vec<&str> = warnings.iter().map(|w| &*w.found).collect();
     assert_eq!(found, ["`heading`"]);
 }
 
 #[test]
-fn slips_in_names_of_columns_are_explained() {
+fn errors_in_column_names_are_explained() {
     let folder = tempfile::tempdir().unwrap();
-    let said = |from: &str, to: &str| {
+    let message = |from: &str, to: &str| {
         tables(folder.path(), &COLUMNS.replace(from, to));
         let error = open(folder.path()).unwrap_err();
         format!("expected {}, found {}", error.expected, error.found)
     };
     assert_eq!(
-        said("\"course\"", "\"cog\""),
+        message("\"course\"", "\"cog\""),
         "expected a column `cog`, found columns time, lat, lon, alt, speed, course, down"
     );
     assert_eq!(
-        said("\"km/h\"", "\"kmh\""),
+        message("\"km/h\"", "\"kmh\""),
         "expected a unit of `speed_mps`, found kmh"
     );
     let gyro = "gyro_z = { column = \"wz\", unit = \"deg/s\", sign = -1 }\n";
-    assert_eq!(said(gyro, ""), "expected a key `gyro_z`, found none");
+    assert_eq!(message(gyro, ""), "expected a key `gyro_z`, found none");
     assert_eq!(
-        said("gyro_z =", "gyro_zed ="),
+        message("gyro_z =", "gyro_zed ="),
         "expected one of the columns t_s, gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z, found \
          `gyro_zed`"
     );
-    // What may be missing is not lost by a slip.
-    assert!(said("h_m =", "height =").ends_with("sd_v, sd_vu, found `height`"));
+    // Optional columns are checked, too.
+    assert!(message("h_m =", "height =").ends_with("sd_v, sd_vu, found `height`"));
     assert_eq!(
-        said("course_deg = \"course\"\n", ""),
+        message("course_deg = \"course\"\n", ""),
         "expected a key `course_deg`, found none"
     );
     assert_eq!(
-        said("sign = -1", "sign = 7"),
+        message("sign = -1", "sign = 7"),
         "expected a sign of `gyro_z`, 1 or -1, found 7"
     );
-    assert!(said("sign = -1", "scale = 7").starts_with("expected a valid entry"));
-    // A unit of something else.
+    assert!(message("sign = -1", "scale = 7").starts_with("expected a valid entry"));
+    // A unit of another quantity.
     assert_eq!(
-        said("\"g\"", "\"deg\""),
+        message("\"g\"", "\"deg\""),
         "expected a unit of `accel_x`, found deg"
     );
 }
 
-// --- all of them ---
+// --- all formats ---
 
 #[test]
-fn a_sensor_on_its_side_is_turned_upright() {
+fn a_sensor_on_its_side_is_levelled() {
     let folder = tempfile::tempdir().unwrap();
-    let mut tipped = drive();
-    for sample in &mut tipped.imu {
+    let mut tilted = drive();
+    for sample in &mut tilted.imu {
         // Its y axis is up, its z axis right.
         let turn = |v: Vector3<f64>| Vector3::new(v.x, -v.z, v.y);
         sample.gyro = turn(sample.gyro);
         sample.accel = turn(sample.accel);
     }
-    let path = file(folder.path(), "flight.bin", dataflash(&tipped));
+    let path = file(folder.path(), "flight.bin", dataflash(&tilted));
     let (log, warnings) = open(&path).unwrap();
     assert!(
         warnings.iter().any(|w| w.cause.contains("quarter turns")),
         "{warnings:?}"
     );
-    assert_is_the_drive(&log, EXACT);
+    assert_drive(&log, EXACT);
 }
 
 #[test]
-fn an_unknown_file_is_named_with_what_is_known() {
+fn an_unknown_file_is_reported_with_the_known_formats() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path(), "notes.txt", "nothing of the kind");
     let error = read(&[path], Choice::default()).unwrap_err();
@@ -1441,7 +1444,7 @@ fn an_unknown_file_is_named_with_what_is_known() {
     ] {
         assert_eq!(&*read(&[path], Choice::default()).unwrap_err().cause, cause);
     }
-    // What belongs to a log is told from what is foreign.
+    // Files of a log folder get their own message.
     let notes = file(folder.path(), "imu.csv", "nothing of the kind");
     file(folder.path(), "meta.toml", "[log]\n");
     let cause = |paths: &[PathBuf]| read(paths, Choice::default()).unwrap_err().cause;
@@ -1455,12 +1458,12 @@ fn an_unknown_file_is_named_with_what_is_known() {
 }
 
 #[test]
-fn values_that_are_no_numbers_are_left_out_and_told() {
+fn non_finite_values_are_left_out_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     let mut drive = drive();
     drive.imu[800].gyro.z = f64::NAN;
     drive.gnss[70].up_mps = f64::INFINITY;
-    // In fixes the others have it for what is not known.
+    // In fixes of the other formats it means unknown.
     let all = [
         (dataflash_of(&drive, &[1.0]), 2),
         (ulog(&drive), 1),
@@ -1487,9 +1490,9 @@ fn values_that_are_no_numbers_are_left_out_and_told() {
     );
 }
 
-/// Damage anywhere must be survived: an error or a log, and no panic.
+/// Damage at any byte: an error or a log, but no panic.
 #[test]
-fn damaged_recordings_are_survived() {
+fn damaged_recordings_cause_no_panic() {
     let folder = tempfile::tempdir().unwrap();
     let drive = drive();
     let texts = [euroc(&drive), nmea(&drive)].map(String::into_bytes);
@@ -1512,17 +1515,17 @@ fn damaged_recordings_are_survived() {
     }
 }
 
-/// Recordings of the formats, where they are at hand.
-fn samples() -> Option<PathBuf> {
+/// Recordings of the formats, if available.
+fn recordings_folder() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/formats");
     folder.is_dir().then_some(folder)
 }
 
-/// The log that was made of a recording by another program, to half of its last digit.
+/// Compared with the log converted by another program, to half of its last digit.
 #[test]
-fn a_real_flight_imports_as_its_log() {
-    let Some(samples) = samples() else {
-        println!("No recordings at hand.");
+fn a_real_flight_is_imported_like_its_log() {
+    let Some(recordings_folder) = recordings_folder() else {
+        println!("No recordings available.");
         return;
     };
     for (number, name) in [(1, "quad_joey1"), (2, "quad_joey1_imu2")] {
@@ -1530,8 +1533,12 @@ fn a_real_flight_imports_as_its_log() {
             imu: Some(number),
             gnss: None,
         };
-        let (log, _) = read(&[samples.join("arducopter_3.1_joey1.bin")], choice).unwrap();
-        let (made, _) = host_sim::log::read(&samples.join("../data").join(name)).unwrap();
+        let (log, _) = read(
+            &[recordings_folder.join("arducopter_3.1_joey1.bin")],
+            choice,
+        )
+        .unwrap();
+        let (made, _) = host_sim::log::read(&recordings_folder.join("../data").join(name)).unwrap();
         assert_eq!(
             (log.imu.len(), log.gnss.len()),
             (made.imu.len(), made.gnss.len())
@@ -1542,29 +1549,29 @@ fn a_real_flight_imports_as_its_log() {
         }
         for (a, b) in log.gnss.iter().zip(&made.gnss) {
             assert_eq!(a.time, b.time);
-            let off = a
+            let error = a
                 .geodetic_or(0.0)
                 .unwrap()
                 .enu_from(&b.geodetic_or(0.0).unwrap());
             let velocity = a.velocity_enu_mps() - b.velocity_enu_mps();
-            assert!(off.norm() < 1e-6 && velocity.amax() < 1e-4, "{a:?} {b:?}");
+            assert!(error.norm() < 1e-6 && velocity.amax() < 1e-4, "{a:?} {b:?}");
         }
     }
 }
 
-fn packed(bytes: &[u8]) -> Vec<u8> {
-    let mut packed = GzEncoder::new(Vec::new(), Compression::default());
-    packed.write_all(bytes).unwrap();
-    packed.finish().unwrap()
+fn compressed(bytes: &[u8]) -> Vec<u8> {
+    let mut compressed = GzEncoder::new(Vec::new(), Compression::default());
+    compressed.write_all(bytes).unwrap();
+    compressed.finish().unwrap()
 }
 
 #[test]
-fn a_packed_table_is_read_as_well() {
+fn compressed_tables_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let imu = file(
         folder.path(),
         "imu0.csv.gz",
-        packed(euroc(&drive()).as_bytes()),
+        compressed(euroc(&drive()).as_bytes()),
     );
     let gnss = file(folder.path(), "log.nmea", nmea(&drive()));
     assert!(read(&[imu, gnss], Choice::default()).is_ok());

@@ -1,4 +1,4 @@
-//! The Kalman filter that the core is compared with: it must be a good one.
+//! The Kalman filter that the core is compared with: consistency of its covariance.
 
 use host_sim::compare::kalman::filter::Start;
 use host_sim::compare::kalman::{Filter, Noise, Nominal, Record, Run, States, index, smooth};
@@ -33,11 +33,11 @@ fn config_for(drive: &SimulatedDrive) -> Config {
     }
 }
 
-fn exact() -> Noise {
+fn model_noise() -> Noise {
     Noise::of_model(&Grade::Hg1700.errors())
 }
 
-/// What is still wrong with a filter, in its own states.
+/// True errors of a filter, as states.
 fn errors(nominal: &Nominal, truth: &Solution, drive: &SimulatedDrive) -> States {
     let mut errors = States::zeros(index::COUNT);
     let mut set = |at: usize, value: Vector3<f64>| {
@@ -50,12 +50,12 @@ fn errors(nominal: &Nominal, truth: &Solution, drive: &SimulatedDrive) -> States
         ins.velocity_enu_mps - truth.velocity_enu_mps,
     );
     // C' C^T = I - [Phi x].
-    let turned = matrix(&ins.attitude) * matrix(&truth.attitude).transpose();
+    let rotation = matrix(&ins.attitude) * matrix(&truth.attitude).transpose();
     let phi = 0.5
         * Vector3::new(
-            turned.m23 - turned.m32,
-            turned.m31 - turned.m13,
-            turned.m12 - turned.m21,
+            rotation.m23 - rotation.m32,
+            rotation.m31 - rotation.m13,
+            rotation.m12 - rotation.m21,
         );
     set(index::ATTITUDE, phi);
     set(
@@ -75,25 +75,24 @@ fn truth_at(drive: &SimulatedDrive, time: Time) -> Option<&Solution> {
     drive.truth.get(at).filter(|truth| truth.time == time)
 }
 
-/// What the errors of a drive's filter sum up to after 5, 10 and 15 min, over drives: each is
-/// chi-square of as many degrees of freedom as there are errors. `spoil` does to a drive what
-/// `noise` tells of; `errors_of` knows the true errors.
+/// NEES of the filter after 5, 10 and 15 min, summed over drives: chi-square with as many degrees of freedom
+/// as there are errors. `modify` adds the errors described by `noise`; `errors_of` gives the true errors.
 fn sums_of_squares(
     model: &ErrorModel,
     noise: Noise,
-    spoil: fn(&mut SimulatedDrive, u64),
+    modify: fn(&mut SimulatedDrive, u64),
     errors_of: fn(&Filter, &Solution, &SimulatedDrive) -> States,
 ) -> [f64; 3] {
     let mut sums = [0.0; 3];
     let mut parts: Option<States> = None;
     for seed in 0..DRIVES {
         let (mut drive, config) = drive_with(model, seed, 15.0);
-        spoil(&mut drive, seed);
+        modify(&mut drive, seed);
         let mut run = Run::new(&drive.imu, &drive.gnss, config, noise).unwrap();
-        let looks = [300.0, 600.0, 900.0];
+        let times_s = [300.0, 600.0, 900.0];
         let mut next = 0;
         while let Some(time) = run.step(&mut |_, _| {}) {
-            if next == looks.len() || time.as_seconds() < looks[next] {
+            if next == times_s.len() || time.as_seconds() < times_s[next] {
                 continue;
             }
             let Some(truth) = truth_at(&drive, time) else {
@@ -103,32 +102,37 @@ fn sums_of_squares(
             let errors = errors_of(filter, truth, &drive);
             let size = errors.len();
             let own = filter.covariance.view((0, 0), (size, size)).into_owned();
-            let weighed = own.cholesky().unwrap().solve(&errors);
-            sums[next] += errors.dot(&weighed);
+            let weighted = own.cholesky().unwrap().solve(&errors);
+            sums[next] += errors.dot(&weighted);
             let sigma = filter.sigmas().rows(0, size).into_owned();
             *parts.get_or_insert_with(|| States::zeros(size)) +=
                 errors.component_div(&sigma).map(|e| e * e);
             next += 1;
         }
-        assert_eq!(next, looks.len());
+        assert_eq!(next, times_s.len());
     }
     println!("NEES {:?}", sums.map(|sum| sum / DRIVES as f64));
     println!("by state {:.2}", parts.unwrap() / (3.0 * DRIVES as f64));
     sums
 }
 
-fn always_there(filter: &Filter, truth: &Solution, drive: &SimulatedDrive) -> States {
+fn basic_errors(filter: &Filter, truth: &Solution, drive: &SimulatedDrive) -> States {
     errors(&filter.nominal, truth, drive)
 }
 
 const DRIVES: u64 = 12;
 /// 192 degrees of freedom: 0.05 % lie below 132 and 0.05 % above 262.
-const HONEST: core::ops::Range<f64> = 132.0..262.0;
+const CONSISTENT: core::ops::Range<f64> = 132.0..262.0;
 
 #[test]
-fn its_covariance_is_honest() {
-    let sums = sums_of_squares(&Grade::Hg1700.errors(), exact(), |_, _| {}, always_there);
-    assert!(sums.iter().all(|sum| HONEST.contains(sum)), "{sums:?}");
+fn covariance_is_consistent() {
+    let sums = sums_of_squares(
+        &Grade::Hg1700.errors(),
+        model_noise(),
+        |_, _| {},
+        basic_errors,
+    );
+    assert!(sums.iter().all(|sum| CONSISTENT.contains(sum)), "{sums:?}");
 }
 
 const VELOCITY: config::Noise = config::Noise {
@@ -155,15 +159,15 @@ fn receiver() -> ErrorModel {
 fn process(part: config::Noise, mut random: Random) -> impl FnMut(f64) -> Vector3<f64> {
     let mut state = part.correlated * Vector3::from(random.normal3());
     move |seconds| {
-        let kept = (-seconds / part.correlation_s).exp();
-        let fresh = part.correlated * Vector3::from(random.normal3());
-        state = kept * state + (1.0 - kept * kept).sqrt() * fresh;
+        let decay = (-seconds / part.correlation_s).exp();
+        let driving = part.correlated * Vector3::from(random.normal3());
+        state = decay * state + (1.0 - decay * decay).sqrt() * driving;
         state
     }
 }
 
 /// Adds the coloured noise above to all fixes.
-fn colour(drive: &mut SimulatedDrive, seed: u64) {
+fn add_coloured_noise(drive: &mut SimulatedDrive, seed: u64) {
     let mut velocity_noise = process(VELOCITY, Random::stream(seed, "coloured velocity"));
     let mut position_noise = process(POSITION, Random::stream(seed, "coloured position"));
     let mut last = Time::default();
@@ -171,8 +175,8 @@ fn colour(drive: &mut SimulatedDrive, seed: u64) {
         let seconds = fix.time.seconds_since(last);
         last = fix.time;
         let velocity = fix.velocity_enu_mps() + velocity_noise(seconds);
-        let place = fix.geodetic_or(0.0).unwrap();
-        let mut ins = Mechanization::new(place, velocity, UnitQuaternion::identity());
+        let position = fix.geodetic_or(0.0).unwrap();
+        let mut ins = Mechanization::new(position, velocity, UnitQuaternion::identity());
         ins.move_by(&ins.local_earth(), &position_noise(seconds));
         *fix = GnssFix {
             velocity_en_mps: Some(velocity.xy()),
@@ -183,7 +187,7 @@ fn colour(drive: &mut SimulatedDrive, seed: u64) {
 }
 
 fn with_receiver(velocity: config::Noise, position: config::Noise) -> Noise {
-    let mut noise = exact();
+    let mut noise = model_noise();
     noise.gnss = GnssConfig {
         velocity_mps: velocity,
         velocity_up_mps: velocity,
@@ -194,46 +198,45 @@ fn with_receiver(velocity: config::Noise, position: config::Noise) -> Noise {
     noise
 }
 
-/// Told of it, the filter is as honest as under white noise; told of as much white noise in its
-/// place, or of the white part alone, it is not.
+/// With the coloured noise modelled the filter is consistent; with white noise of the same variance, or the
+/// white part alone, it is not.
 #[test]
-fn its_covariance_is_honest_under_coloured_noise() {
+fn covariance_is_consistent_with_coloured_noise() {
     let sums = sums_of_squares(
         &receiver(),
         with_receiver(VELOCITY, POSITION),
-        colour,
-        always_there,
+        add_coloured_noise,
+        basic_errors,
     );
-    assert!(sums.iter().all(|sum| HONEST.contains(sum)), "{sums:?}");
+    assert!(sums.iter().all(|sum| CONSISTENT.contains(sum)), "{sums:?}");
     let total = |part: &config::Noise| part.variance().sqrt();
     for sigma in [total, |part: &config::Noise| part.white] {
         let [velocity, position] =
             [VELOCITY, POSITION].map(|part| config::Noise::white(sigma(&part)));
         let noise = with_receiver(velocity, position);
-        let sums = sums_of_squares(&receiver(), noise, colour, always_there);
-        assert!(sums.iter().any(|sum| *sum > HONEST.end), "{sums:?}");
+        let sums = sums_of_squares(&receiver(), noise, add_coloured_noise, basic_errors);
+        assert!(sums.iter().any(|sum| *sum > CONSISTENT.end), "{sums:?}");
     }
 }
 
-/// Where the antenna is in the drives that have one away from the sensors, m, and the spread that
-/// the filter is told.
+/// Lever arm of the antenna, m, and its configured sigma.
 const ARM_M: [f64; 3] = [0.7, -1.6, 1.9];
 const ARM_SIGMA_M: f64 = 1.5;
 
-/// Moves what the fixes show from the sensors to the antenna.
+/// Refers fixes to the antenna instead of the sensors.
 fn to_antenna(drive: &mut SimulatedDrive, _: u64) {
     const STEP_S: f64 = 0.05;
     let arm = Vector3::from(ARM_M);
     for fix in &mut drive.gnss {
-        let shown = fix.time.plus_seconds(-drive.errors.gnss_latency_s);
-        let at = |seconds: f64| attitude_at(&drive.truth, shown.plus_seconds(seconds));
+        let valid_at = fix.time.plus_seconds(-drive.errors.gnss_latency_s);
+        let at = |seconds: f64| attitude_at(&drive.truth, valid_at.plus_seconds(seconds));
         let (Some(before), Some(now), Some(after)) = (at(-STEP_S), at(0.0), at(STEP_S)) else {
             continue;
         };
-        let moved = (after * arm - before * arm) / (2.0 * STEP_S);
-        let velocity = fix.velocity_enu_mps() + moved;
-        let place = fix.geodetic_or(0.0).unwrap();
-        let mut ins = Mechanization::new(place, velocity, now);
+        let arm_velocity = (after * arm - before * arm) / (2.0 * STEP_S);
+        let velocity = fix.velocity_enu_mps() + arm_velocity;
+        let position = fix.geodetic_or(0.0).unwrap();
+        let mut ins = Mechanization::new(position, velocity, now);
         ins.move_by(&ins.local_earth(), &(now * arm));
         *fix = GnssFix {
             velocity_en_mps: Some(velocity.xy()),
@@ -251,9 +254,9 @@ fn attitude_at(truth: &[Solution], time: Time) -> Option<UnitQuaternion<f64>> {
     Some(before.attitude.nlerp(&after.attitude, part))
 }
 
-/// Scale errors of all sensors and a lever arm, all of them found.
+/// All of them estimated.
 #[test]
-fn its_covariance_is_honest_with_more_to_find() {
+fn covariance_is_consistent_with_scale_errors_and_lever_arm() {
     let mut model = Grade::Hg1700.errors();
     model.gyro_deg_h.scale_sigma = 0.002;
     model.accel_mps2.scale_sigma = 0.003;
@@ -282,11 +285,11 @@ fn its_covariance_is_honest_with_more_to_find() {
 /// Root mean squares over a drive: velocity, tilt and heading of filter and smoother.
 fn trajectories(seed: u64) -> [[f64; 3]; 2] {
     let mut recorded = DriveConfig::new(seed, Grade::Hg1700, 10.0);
-    // Corrections come at any sample.
+    // Corrections may be at any sample.
     recorded.recording.truth_every = 1;
     let drive = simulate(&recorded);
     let config = config_for(&drive);
-    let mut run = Run::new(&drive.imu, &drive.gnss, config, exact()).unwrap();
+    let mut run = Run::new(&drive.imu, &drive.gnss, config, model_noise()).unwrap();
     let mut records = Vec::new();
     let mut filtered = Vec::new();
     let record = &mut |filter: &Filter, correction| {
@@ -294,7 +297,7 @@ fn trajectories(seed: u64) -> [[f64; 3]; 2] {
         records.push(Record::new(filter, correction));
     };
     while run.step(record).is_some() {}
-    let smoothed = smooth(&records, &exact());
+    let smoothed = smooth(&records, &model_noise());
     assert_eq!(smoothed.len(), records.len());
     let rms = |points: &mut dyn Iterator<Item = (Time, Nominal)>| {
         let (mut sums, mut count) = ([0.0; 3], 0.0);
@@ -318,26 +321,26 @@ fn trajectories(seed: u64) -> [[f64; 3]; 2] {
 }
 
 #[test]
-fn the_smoother_is_better_than_the_filter() {
+fn smoother_is_better_than_filter() {
     for seed in 0..3 {
         let [filtered, smoothed] = trajectories(seed);
         println!("{filtered:?} {smoothed:?}");
-        // Over ten minutes from an unknown azimuth all three fall by much more than their chance.
+        // Over ten minutes from an unknown azimuth all three are reduced significantly.
         for (filtered, smoothed) in filtered.iter().zip(smoothed) {
             assert!(smoothed < 0.8 * filtered, "{filtered} {smoothed}");
         }
     }
 }
 
-/// A vehicle at rest with a biased upright accelerometer and perfect sensors otherwise: the filter
-/// must give the straight line of least squares through the velocities, and its spread.
+/// At rest with a biased up accelerometer and otherwise perfect sensors, the filter must give the slope of
+/// a least-squares line through the velocities, and its sigma.
 #[test]
-fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
+fn bias_at_rest_matches_a_least_squares_line() {
     const BIAS: f64 = 0.01;
     const SIGMA: f64 = 0.1;
     const FIXES: i32 = 100;
-    let place = Geodetic::default();
-    let ins = Mechanization::new(place, Vector3::zeros(), UnitQuaternion::identity());
+    let position = Geodetic::default();
+    let ins = Mechanization::new(position, Vector3::zeros(), UnitQuaternion::identity());
     let earth = ins.local_earth();
     // Gravity falls with height: a metre is 3e-6 m/s^2.
     let mut noise = with_receiver(config::Noise::white(SIGMA), config::Noise::white(1.0));
@@ -367,8 +370,8 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
         force_mps: 0.1 * Vector3::new(0.0, 0.0, earth.gravity_mps2 + BIAS),
         ..Interval::default()
     };
-    // Errors of the fixes that are no straight line.
-    let wrong = |k: i32| SIGMA * f64::from((k * k) % 7 - 3) / 2.0;
+    // Nonlinear errors of the fixes.
+    let fix_error = |k: i32| SIGMA * f64::from((k * k) % 7 - 3) / 2.0;
     let (mut sum_t, mut sum_tt, mut sum_v, mut sum_tv) = (0.0, 0.0, 0.0, 0.0);
     for k in 1..=FIXES {
         let time = Time::default().plus_seconds(0.1 * f64::from(k));
@@ -376,22 +379,22 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
         let fix = GnssFix {
             time,
             velocity_en_mps: Some(Vector2::zeros()),
-            velocity_up_mps: Some(wrong(k)),
+            velocity_up_mps: Some(fix_error(k)),
             ..GnssFix::default()
         };
         let _ = filter.correct(&fix);
         let t = time.as_seconds();
-        // What an INS that is left alone would differ by.
-        let v = BIAS * t - wrong(k);
+        // Difference of an uncorrected INS.
+        let v = BIAS * t - fix_error(k);
         sum_t += t;
         sum_tt += t * t;
         sum_v += v;
         sum_tv += t * v;
     }
     let n = f64::from(FIXES);
-    let spread = sum_tt - sum_t * sum_t / n;
-    let slope = (sum_tv - sum_t * sum_v / n) / spread;
-    let sigma = SIGMA / spread.sqrt();
+    let sum_of_squares = sum_tt - sum_t * sum_t / n;
+    let slope = (sum_tv - sum_t * sum_v / n) / sum_of_squares;
+    let sigma = SIGMA / sum_of_squares.sqrt();
     let up = index::ACCEL + 2;
     // The prior of 1 m/s on the first velocity weighs 1e-4 against a hundred fixes of 0.1 m/s.
     let found = filter.nominal.accel_bias_mps2.z;
@@ -402,16 +405,16 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
     assert!((filter.sigmas()[up] / sigma - 1.0).abs() < 0.01);
 }
 
-/// Noise guessed three times too large makes the filter doubt more, and too small less.
+/// Noise three times too large increases sigmas, and too small reduces them.
 #[test]
-fn a_guess_moves_the_stated_spread() {
+fn configured_noise_scales_the_sigmas() {
     let (drive, config) = drive(3, 6.0);
     let gyro_sigma = |noise: Noise| {
         let mut run = Run::new(&drive.imu, &drive.gnss, config, noise).unwrap();
         run.finish();
         run.filter().unwrap().sigmas()[index::ATTITUDE]
     };
-    let sigmas = [1.0 / 3.0, 1.0, 3.0].map(|factor| gyro_sigma(exact().scaled(factor)));
+    let sigmas = [1.0 / 3.0, 1.0, 3.0].map(|factor| gyro_sigma(model_noise().scaled(factor)));
     assert!(
         sigmas[0] < 0.8 * sigmas[1] && sigmas[1] < 0.8 * sigmas[2],
         "{sigmas:?}"

@@ -1,8 +1,8 @@
-//! Layers that only look down: a room of `host_sim` uses those above it in lib.rs, and there is no
-//! circle between files.
+//! Layering: a room of `host_sim` only uses those above it in lib.rs, and there is no cycle between
+//! files.
 //!
-//! A file uses another where a path in its code leads there; what `pub use` hands on is followed to
-//! where it stands. Tests within a file may look anywhere.
+//! A file uses another if a path in its code refers to it; re-exports by `pub use` are resolved. Tests
+//! within a file may use anything.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -12,27 +12,27 @@ use syn::punctuated::Punctuated;
 use syn::visit::{self, Visit};
 use syn::{Attribute, Expr, Item, ItemMod, ItemUse, Macro, Token, UseTree, Visibility};
 
-/// Most rooms at the first level, and most of them public.
+/// Limits of rooms at the first level and of public ones.
 const ROOMS: usize = 16;
 const PUBLIC: usize = 9;
 
-/// Path of a module from the crate on; empty is the crate.
+/// Path of a module within the crate; empty for the crate root.
 type Module = Vec<String>;
 type Graph = BTreeMap<Module, BTreeSet<Module>>;
 
-/// What a file says of other files.
+/// References of a file to other files.
 struct File<'a> {
     module: &'a Module,
     modules: &'a BTreeMap<Module, String>,
     uses: Vec<Module>,
-    /// What `pub use` hands on, by the name it then has.
+    /// Re-exports by `pub use`, by their new names.
     exports: BTreeMap<String, Module>,
-    /// Names that stand alone.
+    /// Paths of a single segment.
     names: BTreeSet<String>,
 }
 
 impl File<'_> {
-    /// Where a path leads to; `None` outside of the crate.
+    /// Resolved path; `None` outside of the crate.
     fn absolute(&self, path: &[String]) -> Option<Module> {
         let mut from = match path.first()?.as_str() {
             "crate" => Module::new(),
@@ -62,7 +62,7 @@ fn is_test(attributes: &[Attribute]) -> bool {
     attributes.iter().any(test)
 }
 
-/// All paths of a tree, and the names that they get.
+/// All paths of a use tree, with their names.
 fn leaves(tree: &UseTree, path: &mut Module, found: &mut Vec<(String, Module)>) {
     let mut leaf = |last: Option<String>, name: String| {
         found.push((name, path.iter().cloned().chain(last).collect()));
@@ -138,7 +138,7 @@ fn graph(modules: &BTreeMap<Module, String>) -> Graph {
         (module.clone(), file)
     });
     let files: BTreeMap<Module, File> = parsed.collect();
-    let stands = |path: &Module| {
+    let resolve = |path: &Module| {
         let mut path = path.clone();
         loop {
             let length = (0..=path.len())
@@ -156,7 +156,7 @@ fn graph(modules: &BTreeMap<Module, String>) -> Graph {
         }
     };
     let uses = |(module, file): (&Module, &File)| {
-        let uses = file.uses.iter().map(stands).filter(|used| used != module);
+        let uses = file.uses.iter().map(resolve).filter(|used| used != module);
         (module.clone(), uses.collect())
     };
     files.iter().map(uses).collect()
@@ -176,8 +176,8 @@ fn rooms(files: &Graph) -> Graph {
     rooms
 }
 
-/// What is left when all that leads to no circle is taken away.
-fn circles(mut graph: Graph) -> Vec<String> {
+/// Edges that remain after removal of all nodes outside of cycles.
+fn cycles(mut graph: Graph) -> Vec<String> {
     loop {
         let all: BTreeSet<Module> = graph.keys().cloned().collect();
         let used: BTreeSet<Module> = graph.values().flatten().cloned().collect();
@@ -210,7 +210,7 @@ fn sources(of: &str) -> BTreeMap<Module, String> {
                 let parts = inner.iter().map(|part| part.to_str().unwrap().to_owned());
                 let mut module: Module = parts.collect();
                 module.pop_if(|last| ["mod", "lib"].contains(&last.as_str()));
-                // The program is a crate of its own.
+                // The binary is a separate crate.
                 if module != ["main"] {
                     sources.insert(module, fs::read_to_string(path).unwrap());
                 }
@@ -220,8 +220,8 @@ fn sources(of: &str) -> BTreeMap<Module, String> {
     sources
 }
 
-/// The rooms in the order of lib.rs, and whether they are public.
-fn contents(sources: &BTreeMap<Module, String>) -> Vec<(String, bool)> {
+/// Rooms in the order of lib.rs, and whether they are public.
+fn crate_modules(sources: &BTreeMap<Module, String>) -> Vec<(String, bool)> {
     let crate_root = syn::parse_file(&sources[&Module::new()]).unwrap();
     let room = |item: &Item| match item {
         Item::Mod(room) => Some((
@@ -233,34 +233,34 @@ fn contents(sources: &BTreeMap<Module, String>) -> Vec<(String, bool)> {
     crate_root.items.iter().filter_map(room).collect()
 }
 
-/// Uses of what does not stand above.
-fn upward(sources: &BTreeMap<Module, String>, files: &Graph) -> Vec<String> {
-    let rooms_in_order = contents(sources);
-    let place = |room: &Module| rooms_in_order.iter().position(|(name, _)| *name == room[0]);
+/// Uses of rooms that are not above.
+fn violations(sources: &BTreeMap<Module, String>, files: &Graph) -> Vec<String> {
+    let rooms_in_order = crate_modules(sources);
+    let order = |room: &Module| rooms_in_order.iter().position(|(name, _)| *name == room[0]);
     let mut found = Vec::new();
     for (room, uses) in rooms(files) {
-        let below = uses.iter().filter(|used| place(used) >= place(&room));
+        let below = uses.iter().filter(|used| order(used) >= order(&room));
         found.extend(below.map(|used| format!("{} uses {}", room[0], used[0])));
     }
     found
 }
 
 #[test]
-fn rooms_use_those_above_and_files_no_circle() {
+fn rooms_use_only_those_above_and_files_have_no_cycle() {
     let sources = sources(".");
     let files = graph(&sources);
     assert!(files.len() > 100, "{} files", files.len());
-    assert_eq!(upward(&sources, &files), [""; 0]);
-    assert_eq!(circles(files), [""; 0]);
+    assert_eq!(violations(&sources, &files), [""; 0]);
+    assert_eq!(cycles(files), [""; 0]);
 }
 
 #[test]
-fn files_of_the_core_no_circle_either() {
+fn files_of_the_core_have_no_cycle() {
     let sources = sources("../core");
     let files = graph(&sources);
     assert!(files.len() > 30, "{} files", files.len());
-    assert_eq!(circles(files), [""; 0]);
-    let public = contents(&sources)
+    assert_eq!(cycles(files), [""; 0]);
+    let public = crate_modules(&sources)
         .iter()
         .filter(|(_, public)| *public)
         .count();
@@ -268,8 +268,8 @@ fn files_of_the_core_no_circle_either() {
 }
 
 #[test]
-fn few_rooms_and_fewer_public() {
-    let rooms = contents(&sources("."));
+fn numbers_of_rooms_and_public_rooms_are_limited() {
+    let rooms = crate_modules(&sources("."));
     let public = rooms.iter().filter(|(_, public)| *public).count();
     assert!(
         rooms.len() <= ROOMS && public <= PUBLIC,
@@ -279,12 +279,12 @@ fn few_rooms_and_fewer_public() {
 }
 
 #[test]
-fn circles_are_found() {
+fn cycles_are_detected() {
     let source = |module: &[&str], text: &str| {
         let module: Module = module.iter().map(|part| (*part).to_owned()).collect();
         (module, text.to_owned())
     };
-    let looking_down = [
+    let valid = [
         source(&[], "pub mod page; pub mod log;"),
         source(
             &["page"],
@@ -296,16 +296,16 @@ fn circles_are_found() {
             "pub struct Log; fn f() { vec![crate::page::digits()]; }",
         ),
     ];
-    let all = looking_down.clone().into();
-    assert_eq!(upward(&all, &graph(&all)), [""; 0]);
-    assert_eq!(circles(graph(&all)), [""; 0]);
-    let mut up = looking_down;
-    up[1].1 = "pub fn digits(log: &crate::log::Log) {}".to_owned();
-    let all = up.into();
+    let all = valid.clone().into();
+    assert_eq!(violations(&all, &graph(&all)), [""; 0]);
+    assert_eq!(cycles(graph(&all)), [""; 0]);
+    let mut invalid = valid;
+    invalid[1].1 = "pub fn digits(log: &crate::log::Log) {}".to_owned();
+    let all = invalid.into();
     let files = graph(&all);
-    assert_eq!(upward(&all, &files), ["page uses log"]);
+    assert_eq!(violations(&all, &files), ["page uses log"]);
     assert_eq!(
-        circles(files),
+        cycles(files),
         ["log::read uses page", "page uses log::read"]
     );
 }

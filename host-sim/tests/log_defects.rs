@@ -1,6 +1,6 @@
-//! Every kind of bad log, and the message it gets.
+//! Defects of logs, and their messages.
 //!
-//! The messages stand in `log_defects.txt`; `INS_BLESS=1 cargo test` writes it anew.
+//! The messages are in `log_defects.txt`; `INS_BLESS=1 cargo test` rewrites it.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -11,7 +11,7 @@ use std::path::Path;
 use flate2::write::GzEncoder;
 use host_sim::log::{LogError, read};
 
-use crate::spoilt::{
+use crate::corrupted::{
     Files, convert, convert_all, each_row, hold, pitch_sensors, set_line, swap_columns,
 };
 
@@ -21,26 +21,26 @@ const SPEED_MPS: f64 = 10.0;
 
 /// A car at constant speed on a winding level road for two minutes, 50 Hz and 5 Hz.
 fn drive() -> Files {
-    travel(&Motion::default())
+    log_of(&Motion::default())
 }
 
-/// What a vehicle does over time beside going 10 m/s.
+/// Motion of a vehicle over time; speeds are relative to 10 m/s.
 struct Motion {
     turn_radps: fn(f64) -> f64,
-    more_mps: fn(f64) -> f64,
+    speed_change_mps: fn(f64) -> f64,
     up_mps: fn(f64) -> f64,
     pitch_rad: fn(f64) -> f64,
-    /// Right side up, about what is `SWUNG_M` above.
+    /// Right side up, about a point `PENDULUM_M` above.
     swing_rad: fn(f64) -> f64,
 }
 
-const SWUNG_M: f64 = 3.0;
+const PENDULUM_M: f64 = 3.0;
 
 impl Default for Motion {
     fn default() -> Self {
         Self {
             turn_radps: |t| 0.2 * (0.13 * t).sin() + 0.15 * (0.031 * t * t / 4.0).cos(),
-            more_mps: |_| 0.0,
+            speed_change_mps: |_| 0.0,
             up_mps: |_| 0.0,
             pitch_rad: |_| 0.0,
             swing_rad: |_| 0.0,
@@ -48,10 +48,10 @@ impl Default for Motion {
     }
 }
 
-/// The same road with hills, brakings and starts.
+/// The same road with hills, braking and acceleration.
 fn hills() -> Files {
-    travel(&Motion {
-        more_mps: |t| 4.0 * (0.35 * t).sin() + (0.21 * t).sin(),
+    log_of(&Motion {
+        speed_change_mps: |t| 4.0 * (0.35 * t).sin() + (0.21 * t).sin(),
         up_mps: |t| 1.5 * (0.05 * t).cos(),
         ..Motion::default()
     })
@@ -59,17 +59,17 @@ fn hills() -> Files {
 
 /// A boat that pitches.
 fn swell() -> Files {
-    travel(&Motion {
+    log_of(&Motion {
         pitch_rad: |t| 0.2 * (0.9 * t).sin() + 0.1 * (0.7 * t).sin(),
         ..Motion::default()
     })
 }
 
-/// A load that swings to the sides, and does not turn where it goes.
+/// A load under a parachute that swings sideways and does not turn into its course.
 fn canopy() -> Files {
-    travel(&Motion {
+    log_of(&Motion {
         turn_radps: |t| 0.02 * (7.0 * t).sin(),
-        more_mps: |t| 1.5 * (0.9 * t).sin() + (0.23 * t).sin() - 3.0,
+        speed_change_mps: |t| 1.5 * (0.9 * t).sin() + (0.23 * t).sin() - 3.0,
         up_mps: |t| 0.3 * (0.1 * t).sin() - 6.0,
         pitch_rad: |t| 0.02 * (1.1 * t).sin(),
         swing_rad: |t| 0.17 * (1.57 * t).sin() + 0.05 * (1.3 * t + 1.0).sin(),
@@ -78,39 +78,39 @@ fn canopy() -> Files {
 
 /// Manoeuvres that repeat every 16.5 s.
 fn laps() -> Files {
-    travel(&Motion {
+    log_of(&Motion {
         turn_radps: |t| 0.3 * (TAU * t / 16.5).sin(),
-        more_mps: |t| 2.0 * (TAU * t / 16.5).cos(),
+        speed_change_mps: |t| 2.0 * (TAU * t / 16.5).cos(),
         ..Motion::default()
     })
 }
 
 /// The same every 5.25 s.
 fn small_laps() -> Files {
-    travel(&Motion {
+    log_of(&Motion {
         turn_radps: |t| 0.3 * (TAU * t / 5.25).sin(),
-        more_mps: |t| 2.0 * (TAU * t / 5.25).cos(),
+        speed_change_mps: |t| 2.0 * (TAU * t / 5.25).cos(),
         ..Motion::default()
     })
 }
 
 /// Makes the samples 100 Hz.
-fn faster(files: &mut Files) {
+fn to_100_hz(files: &mut Files) {
     convert(&mut files.imu, "t_s", |x| x / 2.0);
     convert(&mut files.gnss, "t_s", |x| x / 2.0);
 }
 
-/// The road of a motion.
-fn travel(motion: &Motion) -> Files {
-    let change = |f: fn(f64) -> f64, t: f64| (f(t + 0.01) - f(t - 0.01)) / 0.02;
+/// Log of a motion.
+fn log_of(motion: &Motion) -> Files {
+    let derivative = |f: fn(f64) -> f64, t: f64| (f(t + 0.01) - f(t - 0.01)) / 0.02;
     let Motion {
         turn_radps,
-        more_mps,
+        speed_change_mps,
         up_mps,
         pitch_rad,
         swing_rad,
     } = *motion;
-    let across = |t: f64| SWUNG_M * change(swing_rad, t);
+    let across = |t: f64| PENDULUM_M * derivative(swing_rad, t);
     let mut height_m = 200.0;
     let mut imu = "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n".to_owned();
     let mut gnss = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu\n".to_owned();
@@ -118,21 +118,21 @@ fn travel(motion: &Motion) -> Files {
     for step in 0..6000_i32 {
         let time = f64::from(step) * IMU_STEP_S;
         let rate = turn_radps(time);
-        let (speed, up) = (SPEED_MPS + more_mps(time), up_mps(time));
+        let (speed, up) = (SPEED_MPS + speed_change_mps(time), up_mps(time));
         let (east, north) = course.sin_cos();
         let ve = speed * east + across(time) * north;
         let vn = speed * north - across(time) * east;
         let right_mps2 = speed * rate + (across(time + 0.01) - across(time - 0.01)) / 0.02;
-        let (up_swung, swung) = swing_rad(time).sin_cos();
+        let (sin_swing, cos_swing) = swing_rad(time).sin_cos();
         let (sin, cos) = pitch_rad(time).sin_cos();
         writeln!(
             imu,
             "{time:.3},{:.3},{:.5},{rate:.6},{:.5},{:.5},{:.5}",
-            0.001 - change(swing_rad, time),
-            change(pitch_rad, time) - 0.002,
-            0.05 + change(more_mps, time) + 9.81 * sin,
-            right_mps2 * swung + 9.81 * up_swung,
-            -9.81 * cos * swung - change(up_mps, time) + right_mps2 * up_swung,
+            0.001 - derivative(swing_rad, time),
+            derivative(pitch_rad, time) - 0.002,
+            0.05 + derivative(speed_change_mps, time) + 9.81 * sin,
+            right_mps2 * cos_swing + 9.81 * sin_swing,
+            -9.81 * cos * cos_swing - derivative(up_mps, time) + right_mps2 * sin_swing,
         )
         .unwrap();
         if step % 10 == 0 {
@@ -159,27 +159,27 @@ fn travel(motion: &Motion) -> Files {
 const GYRO: [&str; 3] = ["gyro_x", "gyro_y", "gyro_z"];
 const ACCEL: [&str; 3] = ["accel_x", "accel_y", "accel_z"];
 
-fn told(error: &LogError, folder: &Path) -> String {
+fn message_of(error: &LogError, folder: &Path) -> String {
     let text = format!("{error}\n-> {}", error.cause);
     text.replace(&format!("{}/", folder.display()), "")
         .replace(&folder.display().to_string(), "LOG")
 }
 
-/// What is said of a log: the error, or else all warnings.
-fn said(case: &Case) -> String {
+/// Messages for a log: the error, or else all warnings.
+fn messages_of(case: &Case) -> String {
     let folder = tempfile::tempdir().unwrap();
     let mut files = (case.base)();
-    match case.spoil {
-        Spoil::Text(spoil) => {
-            spoil(&mut files);
-            files.put(folder.path());
+    match case.modify {
+        Modification::Text(modify) => {
+            modify(&mut files);
+            files.write_to(folder.path());
         }
-        Spoil::Folder(spoil) => {
-            files.put(folder.path());
-            spoil(folder.path());
+        Modification::Folder(modify) => {
+            files.write_to(folder.path());
+            modify(folder.path());
         }
-        Spoil::Barometer(read) => {
-            files.put(folder.path());
+        Modification::Barometer(read) => {
+            files.write_to(folder.path());
             let rows = files.gnss.lines().skip(1).map(|line| {
                 let cell = |at: usize| line.split(',').nth(at).unwrap().parse().unwrap();
                 let (time_s, height_m) = read(cell(0), cell(3));
@@ -194,19 +194,19 @@ fn said(case: &Case) -> String {
         within => folder.path().join(within),
     };
     match read(&path) {
-        Err(error) => told(&error, folder.path()),
+        Err(error) => message_of(&error, folder.path()),
         Ok((_, warnings)) if warnings.is_empty() => "no message".to_owned(),
         Ok((_, warnings)) => {
-            let told = warnings.iter().map(|warning| {
+            let message_of = warnings.iter().map(|warning| {
                 let kind = if warning.doubt { "doubt" } else { "warning" };
-                format!("{kind}: {}", told(warning, folder.path()))
+                format!("{kind}: {}", message_of(warning, folder.path()))
             });
-            told.collect::<Vec<_>>().join("\n")
+            message_of.collect::<Vec<_>>().join("\n")
         }
     }
 }
 
-enum Spoil {
+enum Modification {
     Text(fn(&mut Files)),
     Folder(fn(&Path)),
     Barometer(fn(f64, f64) -> (f64, f64)),
@@ -214,36 +214,36 @@ enum Spoil {
 
 struct Case {
     name: &'static str,
-    /// What is read: this inside the folder.
+    /// Path to be read, relative to the folder.
     within: &'static str,
     base: fn() -> Files,
-    spoil: Spoil,
+    modify: Modification,
 }
 
-fn text(name: &'static str, spoil: fn(&mut Files)) -> Case {
+fn text(name: &'static str, modify: fn(&mut Files)) -> Case {
     Case {
         name,
         within: "",
         base: drive,
-        spoil: Spoil::Text(spoil),
+        modify: Modification::Text(modify),
     }
 }
 
-fn folder(name: &'static str, spoil: fn(&Path)) -> Case {
+fn folder(name: &'static str, modify: fn(&Path)) -> Case {
     Case {
         name,
         within: "",
         base: drive,
-        spoil: Spoil::Folder(spoil),
+        modify: Modification::Folder(modify),
     }
 }
 
-/// One on the hills, as it reads at a time and at a height.
+/// A barometer on the hills: its time and height from the true ones.
 fn barometer(name: &'static str, read: fn(f64, f64) -> (f64, f64)) -> Case {
-    let spoil = Spoil::Barometer(read);
+    let modify = Modification::Barometer(read);
     Case {
         base: hills,
-        spoil,
+        modify,
         ..text(name, |_| {})
     }
 }
@@ -361,8 +361,8 @@ fn meta_cases() -> Vec<Case> {
     ]
 }
 
-/// Makes the receiver state a spread of its positions.
-fn state_spread(files: &mut Files, cell: &str) {
+/// Adds a column of stated position sigmas.
+fn add_stated_sigma(files: &mut Files, cell: &str) {
     each_row(&mut files.gnss, |_, cells| {
         cells.push(cell.to_owned());
         true
@@ -414,15 +414,15 @@ fn row_cases() -> Vec<Case> {
             f.imu = f.imu.lines().take(2).collect::<Vec<_>>().join("\n");
             f.meta = f.meta.replace("rates", "increments");
         }),
-        text("spreads below zero", |f| state_spread(f, "-0.8")),
-        text("spreads in millimetres", |f| state_spread(f, "860")),
+        text("spreads below zero", |f| add_stated_sigma(f, "-0.8")),
+        text("spreads in millimetres", |f| add_stated_sigma(f, "860")),
         text("nan in fixes", |f| {
             set_line(&mut f.gnss, 5, "0.6,nan,nan,nan,nan,nan,nan");
         }),
     ]
 }
 
-/// Lines are counted as an editor does.
+/// Lines are numbered as in an editor.
 fn line_cases() -> Vec<Case> {
     vec![
         text("a damaged line of CRLF", |f| {
@@ -561,28 +561,28 @@ fn column_cases() -> Vec<Case> {
     ]
 }
 
-/// Of a drive with brakings and hills.
-fn hilly(name: &'static str, spoil: fn(&mut Files)) -> Case {
+/// With the drive on hills.
+fn on_hills(name: &'static str, modify: fn(&mut Files)) -> Case {
     Case {
         base: hills,
-        ..text(name, spoil)
+        ..text(name, modify)
     }
 }
 
 fn receiver_cases() -> Vec<Case> {
     vec![
-        hilly("hills and brakings", |_| {}),
-        hilly("rows of zeros without a fix", |f| {
+        on_hills("hills and brakings", |_| {}),
+        on_hills("rows of zeros without a fix", |f| {
             for line in 100..120 {
                 let time = 0.2 * (line as f64 - 2.0);
                 set_line(&mut f.gnss, line, &format!("{time:.3},0,0,0,0,0,0"));
             }
         }),
-        hilly("zeros in every row", |f| {
+        on_hills("zeros in every row", |f| {
             let all = ["lat_deg", "lon_deg", "h_m", "ve", "vn", "vu"];
             convert_all(&mut f.gnss, &all, |_| 0.0);
         }),
-        hilly("positions in the first row alone", |f| {
+        on_hills("positions in the first row alone", |f| {
             let rows = f.gnss.lines().enumerate().map(|(line, row)| {
                 let cells: Vec<&str> = row.split(',').collect();
                 let place = if line < 2 {
@@ -594,25 +594,25 @@ fn receiver_cases() -> Vec<Case> {
             });
             f.gnss = rows.collect();
         }),
-        hilly("each fix four times, new stamps", |f| {
+        on_hills("each fix four times, new stamps", |f| {
             hold(&mut f.gnss, 1..7, |row| row - row % 4);
         }),
-        hilly("positions frozen", |f| {
+        on_hills("positions frozen", |f| {
             hold(&mut f.gnss, 1..4, |row| row.min(299));
         }),
-        hilly("velocities at half the rate", |f| {
+        on_hills("velocities at half the rate", |f| {
             hold(&mut f.gnss, 4..7, |row| row - row % 2);
         }),
-        hilly("vertical velocity written as zero", |f| {
+        on_hills("vertical velocity written as zero", |f| {
             convert(&mut f.gnss, "vu", |_| 0.0);
         }),
-        hilly("vertical velocity down", |f| {
+        on_hills("vertical velocity down", |f| {
             convert(&mut f.gnss, "vu", |x| -x);
         }),
-        hilly("vertical velocity in ft/s", |f| {
+        on_hills("vertical velocity in ft/s", |f| {
             convert(&mut f.gnss, "vu", |x| x / 0.3048);
         }),
-        hilly("velocity differenced from positions", |f| {
+        on_hills("velocity differenced from positions", |f| {
             let rows: Vec<Vec<f64>> = f
                 .gnss
                 .lines()
@@ -632,10 +632,10 @@ fn receiver_cases() -> Vec<Case> {
                 set_line(&mut f.gnss, line + 3, &text);
             }
         }),
-        hilly("fixes of another drive", |f| {
-            f.gnss = travel(&Motion {
+        on_hills("fixes of another drive", |f| {
+            f.gnss = log_of(&Motion {
                 turn_radps: |t| 0.3 * (0.09 * t).sin() * (0.5 * t).cos(),
-                more_mps: |t| 3.0 * (0.11 * t).sin(),
+                speed_change_mps: |t| 3.0 * (0.11 * t).sin(),
                 ..Motion::default()
             })
             .gnss;
@@ -645,25 +645,25 @@ fn receiver_cases() -> Vec<Case> {
 
 fn sensor_cases() -> Vec<Case> {
     vec![
-        hilly("a spike", |f| {
+        on_hills("a spike", |f| {
             set_line(&mut f.imu, 1000, "19.96,0,0,0,0,0,-900");
         }),
-        hilly("spikes on one axis", |f| {
+        on_hills("spikes on one axis", |f| {
             for line in (60..6000).step_by(120) {
                 let time = 0.02 * (line as f64 - 2.0);
                 set_line(&mut f.imu, line, &format!("{time:.3},0,0,0,0,5000,-9.81"));
             }
         }),
-        hilly("clipped gyro", |f| {
+        on_hills("clipped gyro", |f| {
             convert(&mut f.imu, "gyro_z", |x| (3.0 * x).clamp(-0.6, 0.6));
         }),
-        hilly("frozen half way", |f| {
+        on_hills("frozen half way", |f| {
             hold(&mut f.imu, 1..7, |row| row.min(2999));
         }),
-        hilly("frozen from the start", |f| {
+        on_hills("frozen from the start", |f| {
             hold(&mut f.imu, 1..7, |_| 0);
         }),
-        hilly("gyro up frozen half way", |f| {
+        on_hills("gyro up frozen half way", |f| {
             hold(&mut f.imu, 3..4, |row| row.min(2999));
         }),
         text("accelerometers in mm/s^2", |f| {
@@ -676,14 +676,14 @@ fn sensor_cases() -> Vec<Case> {
             base: swell,
             ..text("gyros swapped", |f| swap_columns(&mut f.imu, 1, 2))
         },
-        hilly("accelerometer forward of the wrong sign", |f| {
+        on_hills("accelerometer forward of the wrong sign", |f| {
             convert(&mut f.imu, "accel_x", |x| -x);
         }),
-        hilly("accelerometer right of the wrong sign", |f| {
+        on_hills("accelerometer right of the wrong sign", |f| {
             convert(&mut f.imu, "accel_y", |x| -x);
         }),
-        hilly("accelerometers swapped", |f| swap_columns(&mut f.imu, 4, 5)),
-        hilly("FLU called RFU", |f| {
+        on_hills("accelerometers swapped", |f| swap_columns(&mut f.imu, 4, 5)),
+        on_hills("FLU called RFU", |f| {
             convert_all(
                 &mut f.imu,
                 &["gyro_y", "gyro_z", "accel_y", "accel_z"],
@@ -691,7 +691,7 @@ fn sensor_cases() -> Vec<Case> {
             );
             f.meta = META.replace("FRD", "RFU");
         }),
-        hilly("mounted backwards", |f| {
+        on_hills("mounted backwards", |f| {
             convert_all(
                 &mut f.imu,
                 &["gyro_x", "gyro_y", "accel_x", "accel_y"],
@@ -761,12 +761,12 @@ fn unit_cases() -> Vec<Case> {
             f.meta = META.replace("rates", "increments");
         }),
         text("increments called rates, 100 Hz", |f| {
-            faster(f);
+            to_100_hz(f);
             convert_all(&mut f.imu, &ACCEL, |x| x * 0.01);
             convert_all(&mut f.imu, &GYRO, |x| x * 0.01);
         }),
         text("rates called increments, 100 Hz", |f| {
-            faster(f);
+            to_100_hz(f);
             f.meta = META.replace("rates", "increments");
         }),
         text("increments of the gyros only", |f| {
@@ -818,7 +818,7 @@ fn unit_cases() -> Vec<Case> {
     ]
 }
 
-/// Off by a metre, now here, now there.
+/// Adds pseudo-random noise of a metre.
 fn with_noise(degrees: f64) -> f64 {
     degrees + 1e-5 * (1e9 * degrees).sin()
 }
@@ -900,7 +900,7 @@ fn clock_cases() -> Vec<Case> {
             base: laps,
             ..text("turns that repeat", |_| {})
         },
-        // Shifts that are looked for first lie closer to others than to the latency.
+        // The first shifts in the search are closer to other repetitions than to the latency.
         Case {
             base: small_laps,
             ..text("turns that repeat, latency of 0.25 s", |f| {
@@ -919,20 +919,20 @@ fn clock_cases() -> Vec<Case> {
     ]
 }
 
-/// Packs imu.csv and spoils the bytes.
-fn pack_imu(folder: &Path, spoil: impl Fn(&mut Vec<u8>)) {
+/// Compresses imu.csv and modifies the bytes.
+fn pack_imu(folder: &Path, modify: impl Fn(&mut Vec<u8>)) {
     let mut packed = GzEncoder::new(Vec::new(), flate2::Compression::default());
     packed
         .write_all(&fs::read(folder.join("imu.csv")).unwrap())
         .unwrap();
     let mut bytes = packed.finish().unwrap();
-    spoil(&mut bytes);
+    modify(&mut bytes);
     fs::write(folder.join("imu.csv.gz"), bytes).unwrap();
     fs::remove_file(folder.join("imu.csv")).unwrap();
 }
 
 #[test]
-fn every_kind_of_bad_log_gets_its_message() {
+fn every_defect_gets_its_message() {
     let groups = [
         file_cases(),
         meta_cases(),
@@ -948,7 +948,7 @@ fn every_kind_of_bad_log_gets_its_message() {
     ];
     let mut table = String::new();
     for case in groups.iter().flatten() {
-        writeln!(table, "# {}\n{}\n", case.name, said(case)).unwrap();
+        writeln!(table, "# {}\n{}\n", case.name, messages_of(case)).unwrap();
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/log_defects.txt");
     if std::env::var_os("INS_BLESS").is_some() {
@@ -961,7 +961,7 @@ fn every_kind_of_bad_log_gets_its_message() {
         .find(|(a, b)| a != b);
     assert_eq!(
         differing, None,
-        "left: what is said now, right: log_defects.txt"
+        "left: current message, right: log_defects.txt"
     );
     assert_eq!(table.len(), expected.len(), "cases added or left out");
 }

@@ -1,4 +1,4 @@
-//! What is written reads back as it was.
+//! Logs round-trip through files.
 
 use host_sim::log::{BodyAxes, Compression, Grade, Log, Meta, read, write};
 use ins_core::attitude::{Euler, from_euler};
@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 use proptest::option::of;
 use proptest::prelude::*;
 
-/// Any finite value of a sensor's size, to the last bit.
+/// Any value within a sensor's range, and small or zero ones.
 fn reading(limit: f64) -> impl Strategy<Value = f64> {
     prop_oneof![-limit..limit, Just(0.0), Just(-0.0), -1e-300..1e-300_f64]
 }
@@ -28,7 +28,7 @@ fn position() -> impl Strategy<Value = Geodetic> {
 }
 
 fn fix() -> impl Strategy<Value = GnssFix> {
-    let position = of(position().prop_map(|place| place.lat_lon()));
+    let position = of(position().prop_map(|origin| origin.lat_lon()));
     let velocity = of((-40.0..40.0, -40.0..40.0).prop_map(|(e, n)| Vector2::new(e, n)));
     let up = of(-9.0..9.0);
     (position, of(-500.0..9000.0), velocity, up, fix_sigma()).prop_map(
@@ -96,13 +96,13 @@ fn meta() -> impl Strategy<Value = Meta> {
 }
 
 prop_compose! {
-    /// A log that passes the checks: 100 Hz, gravity on the up axis, a position, stamps of any scale.
+    /// A log that passes the checks: 100 Hz, gravity on the up axis, a position, time stamps of any scale.
     fn log()(
         meta in meta(),
         start in -1_000_000_000_000_000_i64..1_000_000_000_000_000,
         sensors in prop::collection::vec((vector(3.0), vector(1.0)), 20..40),
         mut gnss in prop::collection::vec(fix(), 1..8),
-        place in position(),
+        origin in position(),
         mut truth in prop::collection::vec(truth(), 0..8),
         mut baro in prop::collection::vec(height(), 0..8),
     ) -> Log {
@@ -113,7 +113,7 @@ prop_compose! {
         let imu = sensors.iter().enumerate().map(|(index, (gyro, accel))| {
             ImuSample { time: stamp(index, 10_001), gyro: *gyro, accel: accel + gravity }
         }).collect::<Vec<_>>().into();
-        gnss[0].position = Some(place.lat_lon());
+        gnss[0].position = Some(origin.lat_lon());
         for (index, fix) in gnss.iter_mut().enumerate() {
             fix.time = stamp(index, 100_003);
         }
@@ -127,7 +127,7 @@ prop_compose! {
     }
 }
 
-/// Radians pass through degrees and back: two roundings, of which each is half a unit.
+/// Conversion from radians to degrees and back rounds twice.
 fn same_angle(a: f64, b: f64) -> bool {
     (a - b).abs() <= 4.0 * f64::EPSILON * a.abs()
 }
@@ -168,7 +168,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn what_is_written_reads_back(log in log(), gzip: bool) {
+    fn logs_round_trip(log in log(), gzip: bool) {
         let folder = tempfile::tempdir().unwrap();
         let compression = if gzip { Compression::Gzip } else { Compression::Plain };
         write(&log, folder.path(), compression).unwrap();
@@ -183,12 +183,12 @@ proptest! {
         for (a, b) in log.truth.iter().zip(&back.truth) {
             prop_assert!(same_truth(a, b), "{:?} {:?}", a, b);
         }
-        let (meta, was) = (&back.meta, &log.meta);
-        prop_assert_eq!(meta.body_axes, was.body_axes);
-        prop_assert_eq!(meta.initial_heading_deg, was.initial_heading_deg);
-        prop_assert_eq!(meta.grade, was.grade);
-        prop_assert_eq!(meta.lever_arm_rfu_m, was.lever_arm_rfu_m);
-        prop_assert_eq!(meta.document.get("note"), was.document.get("note"));
-        prop_assert_eq!(meta.document["log"].get("own"), was.document["log"].get("own"));
+        let (meta, written) = (&back.meta, &log.meta);
+        prop_assert_eq!(meta.body_axes, written.body_axes);
+        prop_assert_eq!(meta.initial_heading_deg, written.initial_heading_deg);
+        prop_assert_eq!(meta.grade, written.grade);
+        prop_assert_eq!(meta.lever_arm_rfu_m, written.lever_arm_rfu_m);
+        prop_assert_eq!(meta.document.get("note"), written.document.get("note"));
+        prop_assert_eq!(meta.document["log"].get("own"), written.document["log"].get("own"));
     }
 }

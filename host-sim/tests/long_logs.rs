@@ -1,4 +1,4 @@
-//! Memory does not grow with the samples of a log.
+//! Memory use is independent of the number of samples of a log.
 
 #![cfg(target_os = "linux")]
 
@@ -13,10 +13,10 @@ use host_sim::sim::{DriveConfig, simulate};
 
 const MINUTES: f64 = 20.0;
 const IMU_HZ: f64 = 1000.0;
-/// What a second of history, solutions and fixes may add, bytes; its samples are 56 000.
-const A_SECOND: f64 = 8000.0;
+/// Limit for history, solutions and fixes of a second, bytes; its samples are 56 000.
+const BYTES_PER_SECOND: f64 = 8000.0;
 
-/// So fast that samples are nearly all there is, and most of them do not fit into memory.
+/// A high rate, so that samples dominate.
 fn drive() -> Log {
     let mut config = DriveConfig::new(1, Grade::Mems, MINUTES);
     config.recording.imu_hz = IMU_HZ;
@@ -30,8 +30,8 @@ fn drive() -> Log {
     }
 }
 
-/// Most memory that `identify` has held, bytes.
-fn peak(home: &Path, log: &Log, name: &str) -> f64 {
+/// Peak memory of `identify`, bytes.
+fn peak_memory(home: &Path, log: &Log, name: &str) -> f64 {
     let folder = home.join(name);
     fs::create_dir(&folder).unwrap();
     log::write(log, &folder, Compression::Plain).unwrap();
@@ -59,13 +59,13 @@ fn high_water(process: &Child) -> Option<f64> {
 }
 
 #[test]
-fn four_times_as_many_samples_take_no_more_memory() {
+fn memory_does_not_grow_with_samples() {
     let home = tempfile::tempdir().unwrap();
     let whole = drive();
     let first = whole.imu.first().unwrap().time;
     let quarter = whole.between(first, first.plus_seconds(15.0 * MINUTES));
     let [short, long] = [("short", &quarter), ("long", &whole)].map(|(name, log)| {
-        let peak = peak(home.path(), log, name);
+        let peak = peak_memory(home.path(), log, name);
         println!("{} samples: {:.1} MB", log.imu.len(), 1e-6 * peak);
         peak
     });
@@ -73,7 +73,7 @@ fn four_times_as_many_samples_take_no_more_memory() {
     let samples = more_s * IMU_HZ;
     assert!(short > 0.0 && samples > 8e5);
     assert!(
-        long - short < A_SECOND * more_s,
+        long - short < BYTES_PER_SECOND * more_s,
         "{:.0} bytes a sample",
         (long - short) / samples
     );

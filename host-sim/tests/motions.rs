@@ -1,4 +1,4 @@
-//! What every vehicle owes the sensors, proved of each, and what each is for.
+//! Kinematic consistency of every vehicle, and the properties of each.
 
 use host_sim::sim::Motion;
 use host_sim::sim::car::{Car, RouteBounds};
@@ -18,7 +18,7 @@ fn boat() -> Boat {
 }
 
 fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
-    let swings = [Harmonic {
+    let oscillation = [Harmonic {
         hz: 2.0,
         velocity_mps: [0.1, 0.2, 0.3],
         rotation_rad: [0.05, 0.08, 0.02],
@@ -26,7 +26,7 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
     let mount = UnitQuaternion::from_scaled_axis(Vector3::new(0.5, -1.2, 2.0));
     let (air, ground) = (Begin::InFlight, Begin::OnGround);
     let walker = || Walker::new(7, DURATION_S, 20.0);
-    let way = RouteBounds {
+    let route = RouteBounds {
         stop_s: Some([5.0, 10.0]),
         roll_rad_per_mps2: RouteBounds::BALANCED,
         steep: 3.0,
@@ -51,21 +51,26 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
             "walker",
             Box::new(Oscillating::new(
                 walker(),
-                &swings,
+                &oscillation,
                 Envelope::Moving(0.4),
                 1,
             )),
         ),
         (
             "car",
-            Box::new(Oscillating::new(car(), &swings, Envelope::Standing(3.0), 2)),
+            Box::new(Oscillating::new(
+                car(),
+                &oscillation,
+                Envelope::Standing(3.0),
+                2,
+            )),
         ),
         ("leaning", Box::new(car())),
-        ("way", Box::new(Car::on_route(4, DURATION_S, &way))),
+        ("way", Box::new(Car::on_route(4, DURATION_S, &route))),
         (
             "mounted",
             Box::new(Mounted::new(
-                Oscillating::new(boat(), &swings, Envelope::Always, 3),
+                Oscillating::new(boat(), &oscillation, Envelope::Always, 3),
                 mount,
             )),
         ),
@@ -74,8 +79,8 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
 
 #[test]
 fn rates_are_the_derivatives_of_velocity_and_attitude() {
-    // Central differences over 1 ms: h^2/6 of the third derivative, and 1e-13 / h of rounding. What
-    // swings at 2 Hz and quintic pieces of 0.3 s have 500 m/s^4, what is on wheels alone a fifth.
+    // Central differences over 1 ms: h^2/6 of the third derivative, and rounding of 1e-13 / h. Oscillation
+    // at 2 Hz and quintic pieces of 0.3 s have 500 m/s^4, wheeled vehicles alone a fifth.
     const H: f64 = 5e-4;
     for (name, mut vehicle) in vehicles() {
         let wheels = ["leaning", "way"].contains(&name);
@@ -84,16 +89,16 @@ fn rates_are_the_derivatives_of_velocity_and_attitude() {
             let [before, now, after] = [t - H, t, t + H].map(|t| vehicle.kinematics(t));
             let acceleration = (after.velocity_enu_mps - before.velocity_enu_mps) / (2.0 * H);
             let rate = (before.attitude.inverse() * after.attitude).scaled_axis() / (2.0 * H);
-            let off = (acceleration - now.acceleration_enu_mps2).norm();
-            assert!(off < bound, "{name}: acceleration off by {off} at {t} s");
-            let off = (rate - now.angular_rate_lb_b_radps).norm();
-            assert!(off < bound, "{name}: angular rate off by {off} at {t} s");
+            let error = (acceleration - now.acceleration_enu_mps2).norm();
+            assert!(error < bound, "{name}: acceleration error {error} at {t} s");
+            let error = (rate - now.angular_rate_lb_b_radps).norm();
+            assert!(error < bound, "{name}: angular rate error {error} at {t} s");
         }
     }
 }
 
 #[test]
-fn a_mounted_unit_feels_what_its_vehicle_feels() {
+fn a_mounted_unit_senses_the_motion_of_its_vehicle() {
     let mount = UnitQuaternion::from_scaled_axis(Vector3::new(0.5, -1.2, 2.0));
     let mut vehicle = boat();
     let mut unit = Mounted::new(boat(), mount);
@@ -102,24 +107,24 @@ fn a_mounted_unit_feels_what_its_vehicle_feels() {
         let rates = mount * unit.angular_rate_lb_b_radps - vehicle.angular_rate_lb_b_radps;
         assert!(rates.norm() < 1e-15);
         let force = Vector3::new(0.3, 0.2, 9.8) + vehicle.acceleration_enu_mps2;
-        let felt = mount * (unit.attitude.inverse() * force);
-        assert!((felt - vehicle.attitude.inverse() * force).norm() < 1e-13);
+        let force_in_vehicle = mount * (unit.attitude.inverse() * force);
+        assert!((force_in_vehicle - vehicle.attitude.inverse() * force).norm() < 1e-13);
     }
 }
 
 #[test]
-fn vehicles_do_what_they_are_for() {
+fn vehicles_reach_their_configured_motion() {
     let times = || (0..6000).map(|k| 0.1 * f64::from(k));
     let mut plane = Plane::new(1, DURATION_S, [0.9, 1.0], Begin::InFlight);
     let mut quadrotor = Quadrotor::new(3, DURATION_S, Some(20.0));
     let mut boat = boat();
-    let (mut steepest, mut tilt, mut swing) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let (mut bank, mut tilt, mut peak_radps) = (0.0_f64, 0.0_f64, 0.0_f64);
     for t in times() {
-        let upright = |k: &Kinematics| (k.attitude * Vector3::z()).z.acos();
-        steepest = steepest.max(upright(&plane.kinematics(t)));
+        let tilt_of = |k: &Kinematics| (k.attitude * Vector3::z()).z.acos();
+        bank = bank.max(tilt_of(&plane.kinematics(t)));
         let k = quadrotor.kinematics(t);
-        tilt = tilt.max(upright(&k));
-        // What is left of thrust across the up axis, but for drag.
+        tilt = tilt.max(tilt_of(&k));
+        // Thrust is along the up axis, apart from drag.
         let force =
             k.acceleration_enu_mps2 + 0.3 * k.velocity_enu_mps + Vector3::new(0.0, 0.0, 9.81);
         assert!((k.attitude.inverse() * force).xy().norm() < 1e-12);
@@ -127,12 +132,12 @@ fn vehicles_do_what_they_are_for() {
             assert!(k.velocity_enu_mps.norm() == 0.0 && k.angular_rate_lb_b_radps.norm() == 0.0);
         }
         if t < 200.0 {
-            swing = swing.max(boat.kinematics(t).angular_rate_lb_b_radps.z.abs());
+            peak_radps = peak_radps.max(boat.kinematics(t).angular_rate_lb_b_radps.z.abs());
         }
     }
-    assert!((0.85..1.05).contains(&steepest), "{steepest}");
+    assert!((0.85..1.05).contains(&bank), "{bank}");
     assert!((0.2..0.6).contains(&tilt), "{tilt}");
-    assert!((0.0045..0.0051).contains(&swing), "{swing}");
+    assert!((0.0045..0.0051).contains(&peak_radps), "{peak_radps}");
 }
 
 const HOUR_S: f64 = 3600.0;
@@ -144,7 +149,7 @@ fn times(step_s: f64) -> impl Iterator<Item = f64> {
 }
 
 #[test]
-fn angular_rate_has_no_kinks() {
+fn angular_rate_is_continuous() {
     // 1 ms apart: an angular acceleration of 1 rad/s^2 at most.
     let mut car = Car::new(3, HOUR_S, None);
     let mut last = car.kinematics(0.0).angular_rate_lb_b_radps;
@@ -156,7 +161,7 @@ fn angular_rate_has_no_kinks() {
 }
 
 #[test]
-fn drives_like_a_person() {
+fn driving_is_within_human_limits() {
     for seed in 0..20 {
         let mut car = Car::new(seed, HOUR_S, Some([30.0, 120.0]));
         assert!(times(0.1).take_while(|t| *t < 30.0).all(|t| {
@@ -170,15 +175,15 @@ fn drives_like_a_person() {
             let speed = k.velocity_enu_mps.norm();
             let up = Vector3::z();
             let forward = k.attitude * Vector3::y();
-            let along = k.acceleration_enu_mps2.dot(&forward);
-            let across = k.acceleration_enu_mps2.cross(&forward).dot(&up);
+            let forward_mps2 = k.acceleration_enu_mps2.dot(&forward);
+            let lateral_mps2 = k.acceleration_enu_mps2.cross(&forward).dot(&up);
             assert!(
-                along.abs() < 2.8,
-                "seed {seed}: {along} m/s^2 along at {t} s"
+                forward_mps2.abs() < 2.8,
+                "seed {seed}: {forward_mps2} m/s^2 forward at {t} s"
             );
             assert!(
-                across.abs() < 4.0,
-                "seed {seed}: {across} m/s^2 across at {t} s"
+                lateral_mps2.abs() < 4.0,
+                "seed {seed}: {lateral_mps2} m/s^2 lateral at {t} s"
             );
             assert!(k.velocity_enu_mps.z.abs() <= 0.05 * speed);
             stops += u32::from(was_moving && speed == 0.0);

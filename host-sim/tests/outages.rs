@@ -1,4 +1,4 @@
-//! An INS without GNSS, and the comparison of all methods on one log.
+//! GNSS outages, and the comparison of all methods on one log.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use ins_core::Config;
 use ins_core::config::HeadingSource;
 
 /// A drive as a log, with its truth, and a configuration for it.
-fn driven(grade: Grade, minutes: f64) -> (Log, Truth, Config) {
+fn drive_log(grade: Grade, minutes: f64) -> (Log, Truth, Config) {
     let drive = simulate(&DriveConfig::new(4, grade, minutes));
     let mut config = config_of(grade);
     let mut meta = Meta::new(BodyAxes::Frd, config.imu_output);
@@ -36,16 +36,16 @@ fn driven(grade: Grade, minutes: f64) -> (Log, Truth, Config) {
 }
 
 fn outages(grade: Grade) -> OutageTest {
-    let (log, _, config) = driven(grade, 15.0);
+    let (log, _, config) = drive_log(grade, 15.0);
     let noise = Noise::of_model(&grade.errors());
     test(&log, true, config, noise).unwrap().unwrap()
 }
 
-/// What 30 s make of errors as large as they should be by then. Ring lasers: 0.1 m/s of velocity
-/// noise averaged, 0.05 deg of heading. MEMS: a scale error of the gyros of 0.5 % and its turns, and
-/// an outage ten seconds after alignment, which is most of it (6 of 0.8 m/s RMS over 74).
+/// Drift in 30 s due to the expected errors of the estimates. Ring lasers: averaged velocity noise of 0.1 m/s,
+/// 0.05 deg of heading. MEMS: a gyro scale error of 0.5 % in turns, and an outage ten seconds after
+/// alignment, which dominates (6 of 0.8 m/s RMS over 74).
 #[test]
-fn the_core_drifts_no_further_than_its_estimates_say() {
+fn drift_in_outages_is_within_the_expected_errors() {
     for (grade, position_m, velocity_mps) in [(Grade::Hg1700, 4.0, 0.25), (Grade::Mems, 12.0, 0.85)]
     {
         let test = outages(grade);
@@ -58,25 +58,25 @@ fn the_core_drifts_no_further_than_its_estimates_say() {
         assert!(core.position_rms_m < position_m);
         assert!(core.velocity_rms_mps < velocity_mps);
         assert!(core.position_max_m >= core.position_rms_m);
-        // With scale errors unknown to the filter it may be worse, never much better.
+        // The filter does not model scale errors: it may be worse, but not much better.
         assert!(core.position_rms_m < 1.5 * kalman.position_rms_m);
     }
 }
 
-fn compared(folder: &Path) -> Comparison {
+fn comparison_of(folder: &Path) -> Comparison {
     let progress = ProgressBar::hidden();
     let input = Input::read(folder, None, &progress).unwrap();
     Comparison::of_input(input, &progress).unwrap()
 }
 
-/// Every number of the comparison is that of the run it names, and all files are there.
+/// Errors are within sigmas, and all files are written.
 #[test]
-fn a_comparison_says_what_each_method_found() {
+fn a_comparison_contains_each_method() {
     let home = tempfile::tempdir().unwrap();
-    let (log, truth, _) = driven(Grade::Hg1700, 8.0);
+    let (log, truth, _) = drive_log(Grade::Hg1700, 8.0);
     log::write(&log, home.path(), Compression::Gzip).unwrap();
     std::fs::write(home.path().join("errors.toml"), truth.to_toml().unwrap()).unwrap();
-    let comparison = compared(home.path());
+    let comparison = comparison_of(home.path());
     assert!(comparison.simulated);
     assert_eq!(comparison.methods.len(), 8);
     for method in &comparison.methods {

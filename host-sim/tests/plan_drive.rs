@@ -1,4 +1,4 @@
-//! Plans of drives, from outside.
+//! Command `plan-drive`.
 
 use std::fs;
 use std::path::Path;
@@ -21,8 +21,8 @@ fn plan_drive(home: &Path, target: &str, options: &[&str]) -> Output {
 
 fn planned(home: &Path, target: &str, options: &[&str]) -> Value {
     let output = plan_drive(home, target, &[options, &["--json"]].concat());
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -32,7 +32,7 @@ fn of<'a>(reached: &'a Value, quantity: &str) -> &'a Value {
     found.unwrap_or_else(|| panic!("no {quantity} in {reached}"))
 }
 
-/// Why a quantity is not reached.
+/// Reason why a target is not reached.
 fn why<'a>(plan: &'a Value, quantity: &str) -> &'a str {
     of(&plan["unreached"], quantity)["why"].as_str().unwrap()
 }
@@ -47,7 +47,7 @@ fn manoeuvres(plan: &Value) -> Vec<&str> {
 const SHIPPED: &str = include_str!("../targets/drive_target.toml");
 
 #[test]
-fn sigmas_shrink_until_all_are_what_is_wanted() {
+fn sigmas_decrease_until_targets_are_reached() {
     let home = tempfile::tempdir().unwrap();
     let plan = planned(home.path(), SHIPPED, &["--out", "plan"]);
     assert_eq!(plan["reached"], true);
@@ -57,11 +57,11 @@ fn sigmas_shrink_until_all_are_what_is_wanted() {
     for before in plan["before"].as_array().unwrap() {
         let quantity = before["quantity"].as_str().unwrap();
         let after = of(&end["reached"], quantity);
-        let [was, is, wanted] =
+        let [sigma_before, sigma_after, target] =
             [&before["sigma"], &after["sigma"], &after["target"]].map(|v| v.as_f64().unwrap());
         assert!(
-            is <= wanted && is < 0.5 * was,
-            "{quantity}: {was} to {is} of {wanted}"
+            sigma_after <= target && sigma_after < 0.5 * sigma_before,
+            "{quantity}: {sigma_before} to {sigma_after} of {target}"
         );
         assert!(before["observable"] == false && after["observable"] == true);
     }
@@ -84,7 +84,7 @@ fn sigmas_shrink_until_all_are_what_is_wanted() {
 }
 
 #[test]
-fn a_plan_is_the_same_whatever_the_number_of_threads() {
+fn plan_is_independent_of_the_number_of_threads() {
     let home = tempfile::tempdir().unwrap();
     let target = "target.azimuth_deg = 0.2\ntarget.accel_bias_mg = 1.0";
     let on = |threads: &str| {
@@ -100,9 +100,9 @@ fn a_plan_is_the_same_whatever_the_number_of_threads() {
     assert!(!one.is_empty() && one == on("3"));
 }
 
-/// The last step, a fifth of what was driven and more, is cut.
+/// The last extension, of a fifth and more, is truncated.
 #[test]
-fn a_plan_ends_within_what_the_site_allows() {
+fn plan_is_within_the_time_limit() {
     let home = tempfile::tempdir().unwrap();
     let target = "
         [target]
@@ -114,12 +114,12 @@ fn a_plan_ends_within_what_the_site_allows() {
     assert_eq!(plan["reached"], false);
     let stages = plan["stages"].as_array().unwrap();
     let end_s = stages.last().unwrap()["end_s"].as_f64().unwrap();
-    // Any manoeuvre takes less than a minute here, so that none is left out that fits.
+    // Every manoeuvre takes less than a minute here, so any that fits is used.
     assert!((180.0..=240.0).contains(&end_s), "{end_s}");
 }
 
 #[test]
-fn what_no_drive_shows_is_said_with_the_reason() {
+fn unobservable_targets_are_reported_with_the_reason() {
     let home = tempfile::tempdir().unwrap();
     let straight = "
         [target]
@@ -143,7 +143,7 @@ fn what_no_drive_shows_is_said_with_the_reason() {
         why_scale.contains("no manoeuvre of a car tips the unit"),
         "{why_scale}"
     );
-    // One attitude of the mount, and sensors that may be misaligned against each other.
+    // A single mounting attitude, and possible misalignment of the sensors.
     let misaligned = "
         [target]
         accel_bias_mg = { x = 0.2, z = 0.2 }
@@ -178,7 +178,7 @@ fn what_no_drive_shows_is_said_with_the_reason() {
 
 /// A log of straight driving: the plan for a site without turns, recorded.
 #[test]
-fn a_log_of_straight_driving_is_told_to_turn() {
+fn turns_are_planned_after_a_log_of_straight_driving() {
     let home = tempfile::tempdir().unwrap();
     straight_log(&home.path().join("straight"));
     let target = "
@@ -192,10 +192,13 @@ fn a_log_of_straight_driving_is_told_to_turn() {
     assert_eq!(of(before, "accelerometer y")["observable"], false);
     assert_eq!(plan["reached"], true, "{plan:#}");
     let turns = ["block", "there_and_back", "roundabout", "figure_eight"];
-    let told = manoeuvres(&plan);
-    assert!(told.iter().any(|one| turns.contains(one)), "{told:?}");
-    assert!(told.len() <= 2, "{told:?}");
-    // Nothing is added to what shows everything, and a site without turns cannot help.
+    let planned_manoeuvres = manoeuvres(&plan);
+    assert!(
+        planned_manoeuvres.iter().any(|one| turns.contains(one)),
+        "{planned_manoeuvres:?}"
+    );
+    assert!(planned_manoeuvres.len() <= 2, "{planned_manoeuvres:?}");
+    // Nothing is added to a log that reaches the target, and a site without turns does not help.
     let easy = "[target]\nazimuth_deg = 1.5";
     let plan = planned(home.path(), easy, &["straight", "--out", "easy"]);
     assert!(plan["reached"] == true && manoeuvres(&plan).is_empty());
@@ -206,9 +209,9 @@ fn a_log_of_straight_driving_is_told_to_turn() {
     assert!(why(&plan, "accelerometer y").contains("the site does not allow what shows it"));
 }
 
-/// Ring lasers are taken to be at the antenna, and to be better than what is wanted here.
+/// By default no lever arm is estimated for this class, and its gyros are better than the target.
 #[test]
-fn a_log_shows_an_antenna_that_is_wanted_and_what_is_sharper_than_wanted() {
+fn target_may_require_a_lever_arm_and_be_reached_already() {
     let home = tempfile::tempdir().unwrap();
     let mut drive = Command::new(env!("CARGO_BIN_EXE_host-sim"));
     let drive = drive.current_dir(home.path());
@@ -262,9 +265,9 @@ fn straight_log(folder: &Path) {
 }
 
 #[test]
-fn a_target_file_is_refused_with_its_place() {
+fn invalid_target_files_are_rejected_with_location() {
     let home = tempfile::tempdir().unwrap();
-    for (target, said) in [
+    for (target, expected) in [
         (
             "[target]\nazimuth = 1",
             "target.toml, line 2: `azimuth` cannot be wanted; expected one of azimuth_deg,",
@@ -282,7 +285,7 @@ fn a_target_file_is_refused_with_its_place() {
             "[target]\nazimuth_deg = 1\n[site]\nspeed_kmh = 5",
             "line 4: `speed_kmh = 5`: expected 10 to 250",
         ),
-        // A comment may name the key, too.
+        // A comment may contain the key.
         (
             "# speed_kmh: slow\n[target]\nazimuth_deg = 1\n[site]\nspeed_kmh = 5",
             "line 5: `speed_kmh = 5`: expected 10 to 250",
@@ -303,25 +306,25 @@ fn a_target_file_is_refused_with_its_place() {
             "[target]\nazimuth_deg = 1\n[config]\ngnss.rate_hz = 1",
             "target.toml, line 4: [config]: `gnss.rate_hz` is not known",
         ),
-        // A whole number is a number: it is the other key that is refused.
+        // An integer is a valid number: the other key is rejected.
         (
             "[target]\nazimuth_deg = 1\n[unit]\nsensors = \"mems\"\n[config]\nmax_gap_s = 1\nmax_gap = 1",
             "target.toml, line 7: [config]: `max_gap` is not known",
         ),
     ] {
         let output = plan_drive(home.path(), target, &["--out", "plan"]);
-        let told = String::from_utf8_lossy(&output.stderr).replace(['\n', '\u{2502}'], " ");
-        let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace(['\n', '\u{2502}'], " ");
+        let stderr = stderr.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(
-            !output.status.success() && told.contains(said),
-            "{target}: {told}"
+            !output.status.success() && stderr.contains(expected),
+            "{target}: {stderr}"
         );
         assert!(!home.path().join("plan").exists());
     }
 }
 
 #[test]
-fn what_is_predicted_is_what_drives_reach() {
+fn predicted_sigmas_match_simulated_errors() {
     let home = tempfile::tempdir().unwrap();
     let target = "
         [target]
@@ -350,7 +353,7 @@ fn what_is_predicted_is_what_drives_reach() {
     let rows = results[0]["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 4);
     for row in rows {
-        // Of 48 errors the RMS is good to a tenth; azimuths are predicted up to 1.45 times too large.
+        // The RMS of 48 errors is accurate to a tenth; predicted azimuth sigmas are up to 1.45 times too large.
         let ratio = row["ratio"].as_f64().unwrap();
         assert!((0.6..1.9).contains(&ratio), "{row}");
     }

@@ -1,4 +1,4 @@
-//! Recorded drives, where they are at hand: `INS_LOGS`, or `../shared/data` beside the workspace.
+//! Recorded drives, if available: `INS_LOGS`, or `../shared/data` beside the workspace.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ fn logs() -> Vec<PathBuf> {
 }
 
 #[test]
-fn every_recorded_log_reads() {
+fn every_recorded_log_is_read() {
     for path in logs() {
         let (log, warnings) = read(&path).unwrap_or_else(|e| panic!("{e}\n{}", e.cause));
         for warning in warnings {
@@ -49,10 +49,10 @@ fn every_recorded_log_reads() {
     }
 }
 
-/// Told the same of the sensors. On one log either may be luckier; on average the core drifts as
-/// little. A phone that slides about is no unit of a vehicle.
+/// With the same sensor errors configured, on average over logs. The phone is left out: it is not fixed to the
+/// vehicle.
 #[test]
-fn without_gnss_the_core_drifts_as_little_as_a_kalman_filter() {
+fn drift_without_gnss_is_that_of_a_kalman_filter() {
     let mut ratios = Vec::new();
     for path in logs()
         .into_iter()
@@ -67,7 +67,7 @@ fn without_gnss_the_core_drifts_as_little_as_a_kalman_filter() {
         };
         let ratio = core.position_rms_m / kalman.position_rms_m;
         println!("{}: {ratio:.2}", path.display());
-        // One judge, a fixed wing with a fix a second, drifts twice as far.
+        // A fixed wing with one fix per second drifts twice as far.
         assert!(ratio < 2.2, "{}: {ratio}", path.display());
         ratios.push(ratio);
     }
@@ -75,16 +75,16 @@ fn without_gnss_the_core_drifts_as_little_as_a_kalman_filter() {
     assert!(ratios.is_empty() || mean.exp() < 1.1, "{ratios:?}");
 }
 
-/// What the drives do not bound is not called known: on some of these the likelihood is flat.
+/// On some logs the likelihood is flat: such noises must not be reported as observable.
 #[test]
-fn noises_called_observable_have_bounds_that_mean_something() {
+fn observable_noises_have_finite_intervals() {
     for path in logs() {
         let analysis = Analysis::of_log(&path, None, &ProgressBar::hidden()).unwrap();
         let records = [Record::new(&analysis.log, &analysis.found)];
         let found = Identified::new(&records, analysis.summary.grade, None);
-        let flown = found.drawn(&mut Random::stream(1, "drawn")).model();
-        let text = toml::to_string(&flown).unwrap();
-        assert_eq!(ErrorModel::from_toml(&text).unwrap(), flown);
+        let model = found.drawn(&mut Random::stream(1, "drawn")).model();
+        let text = toml::to_string(&model).unwrap();
+        assert_eq!(ErrorModel::from_toml(&text).unwrap(), model);
         for parameter in found.parameters() {
             let noise = ["gyro_deg_h.white_noise", "gnss.velocity_sigma_mps"];
             if !noise.contains(&parameter.name) || !parameter.observable {

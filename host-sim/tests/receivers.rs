@@ -1,4 +1,4 @@
-//! Simulated receivers and drives: each habit does what it says, and nothing else.
+//! Simulated receivers and drives: each habit has its effect and no other.
 
 use host_sim::log::Grade;
 use host_sim::sim::car::Car;
@@ -13,8 +13,8 @@ use super::statistics::{assert_correlation, assert_mean, assert_sigma};
 
 const RATE_HZ: f64 = 10.0;
 
-/// Three minutes in a car with error-free sensors and receiver, but for these habits.
-fn with(change: impl Fn(&mut GnssModel)) -> SimulatedDrive {
+/// Three minutes in a car with error-free sensors and receiver, apart from the changes.
+fn drive_with(change: impl Fn(&mut GnssModel)) -> SimulatedDrive {
     let mut config = DriveConfig::ideal(8, 3.0);
     config.initial_rest_s = None;
     change(&mut config.recording.errors.gnss);
@@ -31,30 +31,30 @@ fn trouble(start_s: f64, duration_s: f64, wrong: Wrong) -> Trouble {
 
 #[test]
 fn white_and_correlated_parts_add_up() {
-    let exact = with(|_| {});
-    let noisy = with(|gnss| {
+    let exact = drive_with(|_| {});
+    let noisy = drive_with(|gnss| {
         gnss.velocity_sigma_mps = 0.03;
-        // Forgotten from fix to fix: samples are independent.
+        // Correlation time much shorter than the fix interval: samples are independent.
         gnss.habits.velocity = Correlated {
             sigma: 0.04,
             time_s: 1e-3,
         };
         gnss.habits.stated = Stated::All;
     });
-    let off: Vec<f64> = noisy
+    let error: Vec<f64> = noisy
         .gnss
         .iter()
         .zip(&exact.gnss)
         .map(|(n, e)| n.velocity_up_mps.unwrap() - e.velocity_up_mps.unwrap())
         .collect();
-    assert_sigma(&off, 0.05);
+    assert_sigma(&error, 0.05);
     assert!((noisy.gnss[0].sigma.velocity_mps.unwrap() - 0.05).abs() < 1e-12);
     assert_eq!(noisy.imu, exact.imu);
 }
 
 #[test]
-fn smoothing_lags_as_far_as_the_latency_says() {
-    let drive = with(|gnss| gnss.habits.smoothing_s = 0.3);
+fn smoothing_lag_matches_the_reported_lag() {
+    let drive = drive_with(|gnss| gnss.habits.smoothing_s = 0.3);
     let lag_s = drive.errors.gnss_lag_s;
     // A sampled low-pass lags T e / (1 - e), a little less than its time constant.
     assert!((0.25..0.3).contains(&lag_s), "{lag_s}");
@@ -63,20 +63,20 @@ fn smoothing_lags_as_far_as_the_latency_says() {
     for fix in drive.gnss.iter().skip(50) {
         let stamp_s = fix.time.as_seconds();
         for (worst, back_s) in worst.iter_mut().zip([lag_s, 0.0]) {
-            let shown = car.kinematics(stamp_s - back_s).velocity_enu_mps;
-            *worst = worst.max((fix.velocity_enu_mps() - shown).norm());
+            let expected = car.kinematics(stamp_s - back_s).velocity_enu_mps;
+            *worst = worst.max((fix.velocity_enu_mps() - expected).norm());
         }
     }
     assert!(worst[0] < 0.5 * worst[1], "{worst:?}");
 }
 
 #[test]
-fn receivers_hold_still_and_take_differences() {
-    let exact = with(|_| {});
-    let holds = with(|gnss| gnss.habits.holds_below_mps = 8.0);
+fn receivers_hold_positions_and_difference_positions() {
+    let exact = drive_with(|_| {});
+    let holding = drive_with(|gnss| gnss.habits.holds_below_mps = 8.0);
     let mut held = None;
     let mut count = 0;
-    for (exact, fix) in exact.gnss.iter().zip(&holds.gnss) {
+    for (exact, fix) in exact.gnss.iter().zip(&holding.gnss) {
         if exact.velocity_enu_mps().norm() >= 8.0 {
             assert_eq!(exact, fix);
             held = None;
@@ -87,18 +87,18 @@ fn receivers_hold_still_and_take_differences() {
         }
     }
     assert!(count > 100);
-    let differences = with(|gnss| gnss.habits.velocity_by_differences = true);
+    let differences = drive_with(|gnss| gnss.habits.velocity_by_differences = true);
     assert!((differences.errors.gnss_lag_s - 0.5 / RATE_HZ).abs() < 1e-12);
     for pair in differences.gnss.windows(2) {
         let [from, to] = [0, 1].map(|at| pair[at].geodetic_or(0.0).unwrap());
-        let off = RATE_HZ * to.enu_from(&from) - pair[1].velocity_enu_mps();
-        assert!(off.norm() < 1e-6, "{off}");
+        let error = RATE_HZ * to.enu_from(&from) - pair[1].velocity_enu_mps();
+        assert!(error.norm() < 1e-6, "{error}");
     }
 }
 
 #[test]
 fn receivers_coast_and_float() {
-    let wrong = with(|gnss| {
+    let wrong = drive_with(|gnss| {
         gnss.horizontal_sigma_m = 0.4;
         gnss.habits.stated = Stated::White;
         gnss.habits.troubles = vec![
@@ -109,15 +109,15 @@ fn receivers_coast_and_float() {
     let (last, coasted) = (&wrong.gnss[199], &wrong.gnss[249]);
     assert_eq!(coasted.velocity_en_mps, last.velocity_en_mps);
     let [from, to] = [last, coasted].map(|fix| fix.geodetic_or(0.0).unwrap());
-    let off = to.enu_from(&from) - 5.0 * last.velocity_enu_mps();
-    assert!(off.norm() < 0.01, "{off}");
+    let error = to.enu_from(&from) - 5.0 * last.velocity_enu_mps();
+    assert!(error.norm() < 0.01, "{error}");
     let stated = |at: usize| wrong.gnss[at].sigma.position_m.unwrap();
     assert!((stated(620) - 0.5).abs() < 1e-12 && (stated(700) - 0.4).abs() < 1e-12);
 }
 
-/// A receiver knows more than it logs: it goes on from that.
+/// With the complete solution, not only the logged parts.
 #[test]
-fn receivers_coast_by_what_they_know() {
+fn receivers_coast_with_the_complete_solution() {
     type Change = fn(&mut GnssModel);
     let changes: [Change; 4] = [
         |gnss| gnss.habits.up = Up::Down,
@@ -126,37 +126,37 @@ fn receivers_coast_by_what_they_know() {
         |gnss| gnss.habits.gives_position = false,
     ];
     let coasting = |change: Change| {
-        with(|gnss| {
-            // Climbs that are seen.
+        drive_with(|gnss| {
+            // Noticeable vertical velocities.
             gnss.velocity_sigma_mps = 1.0;
             gnss.habits.troubles = vec![trouble(20.0, 5.0, Wrong::Coasting)];
             change(gnss);
         })
     };
-    let whole = coasting(|_| {}).gnss;
-    assert!(whole[199].velocity_up_mps.unwrap().abs() > 0.1);
+    let complete = coasting(|_| {}).gnss;
+    assert!(complete[199].velocity_up_mps.unwrap().abs() > 0.1);
     for change in changes {
-        for (fix, whole) in coasting(change).gnss.iter().zip(&whole) {
+        for (fix, complete) in coasting(change).gnss.iter().zip(&complete) {
             assert_eq!(
                 fix.position,
-                whole.position.filter(|_| fix.position.is_some())
+                complete.position.filter(|_| fix.position.is_some())
             );
-            assert_eq!(fix.height_m, whole.height_m);
-            let level = whole.velocity_en_mps;
+            assert_eq!(fix.height_m, complete.height_m);
+            let level = complete.velocity_en_mps;
             let level = level.filter(|_| fix.velocity_en_mps.is_some());
             assert_eq!(fix.velocity_en_mps, level);
         }
     }
 }
 
-/// What has moved without fixes is somewhere else when it stands again.
+/// A vehicle that moved during the outage has another position afterwards.
 #[test]
-fn receivers_that_hold_still_let_go_in_an_outage() {
-    let holds = |gnss: &mut GnssModel| gnss.habits.holds_below_mps = 8.0;
-    let whole = with(holds).gnss;
+fn held_positions_are_released_in_an_outage() {
+    let holding = |gnss: &mut GnssModel| gnss.habits.holds_below_mps = 8.0;
+    let complete = drive_with(holding).gnss;
     let held = |fix: &&GnssFix| fix.velocity_enu_mps() == Vector3::zeros();
-    // From within one stop to within the next.
-    let stops: Vec<&GnssFix> = whole.iter().filter(held).collect();
+    // From one stop to the next.
+    let stops: Vec<&GnssFix> = complete.iter().filter(held).collect();
     let [before, after] = *stops
         .array_windows()
         .find(|[a, b]| a.position != b.position)
@@ -165,57 +165,58 @@ fn receivers_that_hold_still_let_go_in_an_outage() {
         start_s: before.time.as_seconds(),
         duration_s: after.time.seconds_since(before.time),
     };
-    let holed = with(|gnss| {
-        holds(gnss);
+    let lossy = drive_with(|gnss| {
+        holding(gnss);
         gnss.outages = vec![outage];
     });
-    assert!(outage.duration_s > 1.0 && holed.gnss.len() < whole.len());
-    assert!(holed.gnss.iter().all(|fix| whole.contains(fix)));
+    assert!(outage.duration_s > 1.0 && lossy.gnss.len() < complete.len());
+    assert!(lossy.gnss.iter().all(|fix| complete.contains(fix)));
 }
 
 #[test]
-fn clocks_drift_apart() {
-    let drive = with(|gnss| gnss.habits.clock_drift = 1e-3);
+fn clock_drift_changes_the_latency() {
+    let drive = drive_with(|gnss| gnss.habits.clock_drift = 1e-3);
     let gained_s = drive.errors.gnss_latency_end_s - drive.errors.gnss_latency_s;
     assert!((gained_s - 0.18).abs() < 1e-9);
-    let exact = with(|_| {});
-    // 100 s into the run a fix shows what the one 0.1 s before shows without drift.
+    let exact = drive_with(|_| {});
+    // After 100 s a fix equals the one 0.1 s earlier without drift.
     let find = |drive: &SimulatedDrive, stamp_s: f64| {
         let time = Time::default().plus_seconds(stamp_s);
         *drive.gnss.iter().find(|fix| fix.time == time).unwrap()
     };
-    let off = find(&drive, 100.0).velocity_enu_mps() - find(&exact, 99.9).velocity_enu_mps();
-    assert!(off.norm() < 1e-6);
+    let error = find(&drive, 100.0).velocity_enu_mps() - find(&exact, 99.9).velocity_enu_mps();
+    assert!(error.norm() < 1e-6);
 }
 
 #[test]
-fn the_antenna_is_where_it_is_said_to_be() {
+fn lever_arm_is_applied_to_position_and_velocity() {
     let arm_m = [1.5, -2.0, 2.5];
-    let drive = with(|gnss| gnss.habits.lever_arm_m = arm_m);
-    let mut moved_mps = 0.0_f64;
+    let drive = drive_with(|gnss| gnss.habits.lever_arm_m = arm_m);
+    let mut arm_velocity_mps = 0.0_f64;
     for (fix, truth) in drive.gnss.iter().zip(&drive.truth) {
         assert_eq!(fix.time, truth.time);
-        let place = fix.geodetic_or(0.0).unwrap();
-        let reach = truth.attitude * Vector3::from(arm_m);
-        let off = place.enu_from(&truth.position) - reach;
-        // Metres along the curved frame, to one part in 10^6.
-        assert!(off.norm() < 1e-5, "{off}");
-        moved_mps = moved_mps.max((fix.velocity_enu_mps() - truth.velocity_enu_mps).norm());
+        let position = fix.geodetic_or(0.0).unwrap();
+        let arm = truth.attitude * Vector3::from(arm_m);
+        let error = position.enu_from(&truth.position) - arm;
+        // Curvature of the frame, 1e-6 relative.
+        assert!(error.norm() < 1e-5, "{error}");
+        arm_velocity_mps =
+            arm_velocity_mps.max((fix.velocity_enu_mps() - truth.velocity_enu_mps).norm());
     }
-    assert!(moved_mps > 0.5);
+    assert!(arm_velocity_mps > 0.5);
     // Between samples velocity is the derivative of the position.
     for pair in drive.gnss.windows(3) {
         let places = [0, 2].map(|at| pair[at].geodetic_or(0.0).unwrap());
         let mean = places[1].enu_from(&places[0]) / (2.0 / RATE_HZ);
-        // h^2/6 of the second derivative of a velocity that swings at 3 m/s^2 in half a second.
-        let off = (mean - pair[1].velocity_enu_mps()).norm();
-        assert!(off < 0.05, "{off}");
+        // h^2/6 of the second derivative of a velocity whose acceleration changes by 3 m/s^2 in half a second.
+        let error = (mean - pair[1].velocity_enu_mps()).norm();
+        assert!(error < 0.05, "{error}");
     }
 }
 
 #[test]
-fn fixes_have_the_parts_a_receiver_gives() {
-    let drive = with(|gnss| {
+fn fixes_have_the_configured_components() {
+    let drive = drive_with(|gnss| {
         gnss.habits.gives_height = false;
         gnss.habits.up = Up::Missing;
         gnss.velocity_sigma_mps = 0.1;
@@ -228,9 +229,9 @@ fn fixes_have_the_parts_a_receiver_gives() {
         assert!(fix.sigma.height_m.is_none() && fix.sigma.velocity_up_mps.is_none());
         assert!(fix.sigma.velocity_mps.is_some());
     }
-    let exact = with(|_| {});
-    let down = with(|gnss| gnss.habits.up = Up::Down);
-    let zero = with(|gnss| gnss.habits.up = Up::Zero);
+    let exact = drive_with(|_| {});
+    let down = drive_with(|gnss| gnss.habits.up = Up::Down);
+    let zero = drive_with(|gnss| gnss.habits.up = Up::Zero);
     for ((exact, down), zero) in exact.gnss.iter().zip(&down.gnss).zip(&zero.gnss) {
         assert_eq!(down.velocity_up_mps, exact.velocity_up_mps.map(|up| -up));
         assert_eq!(zero.velocity_up_mps, Some(0.0));
@@ -238,16 +239,16 @@ fn fixes_have_the_parts_a_receiver_gives() {
 }
 
 #[test]
-fn troubles_come_when_they_should_and_change_nothing_else() {
-    let exact = with(|_| {});
-    let off = Wrong::Off {
+fn faults_affect_only_their_intervals() {
+    let exact = drive_with(|_| {});
+    let offset = Wrong::Off {
         velocity_mps: [3.0, 0.0, 0.0],
         position_m: [0.0, 40.0, 0.0],
     };
-    let wrong = with(|gnss| {
+    let wrong = drive_with(|gnss| {
         gnss.habits.troubles = vec![
             trouble(20.0, 1.2, Wrong::ZeroVelocity),
-            trouble(40.0, 1.0, off),
+            trouble(40.0, 1.0, offset),
             trouble(60.0, 2.0, Wrong::Zeros),
             trouble(80.0, 5.0, Wrong::Stuck),
         ];
@@ -267,9 +268,9 @@ fn troubles_come_when_they_should_and_change_nothing_else() {
     assert_eq!(differ(0.0, 180.0), 92);
     let (good, bad) = (&exact.gnss[405], &wrong.gnss[405]);
     assert!((bad.velocity_enu_mps().x - good.velocity_enu_mps().x - 3.0).abs() < 1e-12);
-    let away = bad.geodetic_or(0.0).unwrap();
-    let away = away.enu_from(&good.geodetic_or(0.0).unwrap());
-    assert!((away - Vector3::new(1.5, 40.0, 0.0)).norm() < 1e-3);
+    let offset = bad.geodetic_or(0.0).unwrap();
+    let offset = offset.enu_from(&good.geodetic_or(0.0).unwrap());
+    assert!((offset - Vector3::new(1.5, 40.0, 0.0)).norm() < 1e-3);
     let stuck = &wrong.gnss[849];
     assert_eq!(stuck.position, exact.gnss[799].position);
     assert_eq!(stuck.time, exact.gnss[849].time);
@@ -277,27 +278,27 @@ fn troubles_come_when_they_should_and_change_nothing_else() {
 }
 
 #[test]
-fn outliers_come_as_often_as_told() {
-    let exact = with(|_| {});
-    let wild = with(|gnss| {
+fn outliers_have_the_configured_rate() {
+    let exact = drive_with(|_| {});
+    let with_outliers = drive_with(|gnss| {
         gnss.habits.outliers = Outliers {
             fraction: 0.1,
             velocity_mps: 5.0,
             position_m: 0.0,
         };
     });
-    let hits: Vec<f64> = exact
+    let differs: Vec<f64> = exact
         .gnss
         .iter()
-        .zip(&wild.gnss)
+        .zip(&with_outliers.gnss)
         .map(|(e, w)| f64::from(u8::from(e != w)))
         .collect();
-    assert_mean(&hits, 0.1, 0.3);
+    assert_mean(&differs, 0.1, 0.3);
 }
 
 #[test]
-fn fixes_are_logged_as_often_and_as_late_as_told() {
-    let drive = with(|gnss| {
+fn fixes_are_repeated_and_delayed_as_configured() {
+    let drive = drive_with(|gnss| {
         gnss.rate_hz = 5.0;
         gnss.habits.logged_times = 4;
         gnss.habits.delay_s = [0.2, 0.7];
@@ -318,22 +319,25 @@ fn fixes_are_logged_as_often_and_as_late_as_told() {
     }
     assert!(drive.arrivals.is_sorted());
     assert!(drive.gnss.is_sorted_by_key(|fix| fix.time));
-    assert_eq!(with(|_| {}).arrivals.len(), with(|_| {}).gnss.len());
+    assert_eq!(
+        drive_with(|_| {}).arrivals.len(),
+        drive_with(|_| {}).gnss.len()
+    );
 }
 
 #[test]
-fn a_seed_fixes_everything() {
+fn a_seed_determines_everything() {
     let run = |seed| simulate(&DriveConfig::new(seed, Grade::Mems, 3.0));
     assert_eq!(run(5), run(5));
     assert_ne!(run(5).imu, run(6).imu);
 }
 
 #[test]
-fn records_the_samples_asked_for() {
+fn recording_has_the_configured_samples() {
     let run = simulate(&DriveConfig::new(1, Grade::Hg1700, 5.0));
     assert_eq!(run.imu.len(), 30_000);
     assert_eq!(run.truth.len(), 3_001);
-    // Fixes of a time before the run are missing, and no other.
+    // Only fixes of times before the run are missing.
     let first = run.gnss[0].time.as_seconds();
     assert!((0.0..0.1).contains(&(first - run.errors.gnss_latency_s)));
     let fixes = 1.0 + (300.0 - first) * 10.0;
@@ -341,7 +345,7 @@ fn records_the_samples_asked_for() {
 }
 
 #[test]
-fn fixes_show_the_motion_of_the_latency_ago() {
+fn fixes_are_delayed_by_the_latency() {
     for latency_s in [0.1374, -0.0713] {
         let mut config = DriveConfig::ideal(8, 5.0);
         config.recording.errors.gnss.latency_s = [latency_s; 2];
@@ -351,23 +355,23 @@ fn fixes_show_the_motion_of_the_latency_ago() {
             let velocity = car
                 .kinematics(fix.time.as_seconds() - latency_s)
                 .velocity_enu_mps;
-            let off = fix.velocity_en_mps.unwrap() - velocity.xy();
-            // The cubic between two samples leaves 3e-9.
-            assert!(off.norm() < 1e-8, "{off} at {:?}", fix.time);
+            let error = fix.velocity_en_mps.unwrap() - velocity.xy();
+            // Cubic interpolation between two samples: 3e-9.
+            assert!(error.norm() < 1e-8, "{error} at {:?}", fix.time);
             assert!((fix.velocity_up_mps.unwrap() - velocity.z).abs() < 1e-8);
         }
     }
 }
 
 #[test]
-fn receiver_noise_is_white_and_as_large_as_told() {
+fn receiver_noise_is_white_with_the_configured_sigma() {
     let noisy = simulate(&DriveConfig::new(8, Grade::Hg1700, 20.0));
     let mut config = DriveConfig::new(8, Grade::Hg1700, 20.0);
     config.recording.errors.gnss.velocity_sigma_mps = 0.0;
     config.recording.errors.gnss.horizontal_sigma_m = 0.0;
     config.recording.errors.gnss.vertical_sigma_m = 0.0;
     let exact = simulate(&config);
-    // One source of error changed, the others did not.
+    // Other error sources are unchanged.
     assert_eq!(noisy.imu, exact.imu);
     assert_eq!(noisy.errors, exact.errors);
     let differences = |part: fn(&GnssFix) -> f64| -> Vec<f64> {
@@ -390,21 +394,21 @@ fn receiver_noise_is_white_and_as_large_as_told() {
     assert_correlation(&north, &up, 0.0);
     let height = differences(|f| f.height_m.unwrap());
     assert_sigma(&height, 1.5);
-    let [mut right, mut ahead] = [Vec::new(), Vec::new()];
+    let [mut east_m, mut north_m] = [Vec::new(), Vec::new()];
     for (n, e) in noisy.gnss.iter().zip(&exact.gnss) {
-        let off = n
+        let error = n
             .geodetic_or(0.0)
             .unwrap()
             .enu_from(&e.geodetic_or(0.0).unwrap());
-        right.push(off.x);
-        ahead.push(off.y);
+        east_m.push(error.x);
+        north_m.push(error.y);
     }
-    assert_sigma(&right, 1.0);
-    assert_sigma(&ahead, 1.0);
+    assert_sigma(&east_m, 1.0);
+    assert_sigma(&north_m, 1.0);
 }
 
 #[test]
-fn latencies_fill_their_range() {
+fn latencies_are_uniform_in_their_range() {
     let gnss = ErrorModel::hg1700().gnss;
     let all: Vec<f64> = (0..2000)
         .map(|seed| Gnss::new(&gnss, seed).latency_s)
@@ -414,8 +418,8 @@ fn latencies_fill_their_range() {
 }
 
 #[test]
-fn outages_and_losses_take_samples_and_change_none() {
-    let whole = simulate(&DriveConfig::new(2, Grade::Mems, 10.0));
+fn outages_and_losses_remove_samples_and_change_none() {
+    let complete = simulate(&DriveConfig::new(2, Grade::Mems, 10.0));
     let mut config = DriveConfig::new(2, Grade::Mems, 10.0);
     let errors = &mut config.recording.errors;
     errors.gnss.outages = vec![Outage {
@@ -423,20 +427,20 @@ fn outages_and_losses_take_samples_and_change_none() {
         duration_s: 30.0,
     }];
     errors.imu.dropped_fraction = 0.02;
-    let holed = simulate(&config);
-    assert_eq!(whole.gnss.len() - holed.gnss.len(), 300);
-    assert!(holed.gnss.iter().all(|fix| whole.gnss.contains(fix)));
-    let lost: Vec<f64> = whole
+    let lossy = simulate(&config);
+    assert_eq!(complete.gnss.len() - lossy.gnss.len(), 300);
+    assert!(lossy.gnss.iter().all(|fix| complete.gnss.contains(fix)));
+    let lost: Vec<f64> = complete
         .imu
         .iter()
-        .map(|s| f64::from(holed.imu.binary_search_by_key(&s.time, |h| h.time).is_err()))
+        .map(|s| f64::from(lossy.imu.binary_search_by_key(&s.time, |h| h.time).is_err()))
         .collect();
     assert_mean(&lost, 0.02, (0.02 * 0.98_f64).sqrt());
-    for sample in &holed.imu {
-        let at = whole
+    for sample in &lossy.imu {
+        let at = complete
             .imu
             .binary_search_by_key(&sample.time, |w| w.time)
             .unwrap();
-        assert_eq!(sample, &whole.imu[at]);
+        assert_eq!(sample, &complete.imu[at]);
     }
 }

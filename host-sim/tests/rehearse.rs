@@ -1,4 +1,4 @@
-//! Rehearsals from outside: programs under test that go wrong, kills, and recorded noise.
+//! Command `rehearse`: faulty programs under test, interruptions, and recorded noise.
 
 use std::fs;
 use std::path::Path;
@@ -49,8 +49,8 @@ fn position_rms(tested: &Value) -> [f64; 2] {
     })
 }
 
-/// A program that greets as it should and answers every question by `answer`.
-const ANSWERS: &str = "
+/// A program with a valid greeting that gives `ANSWER` to every request.
+const ANSWERING: &str = "
 import sys, time
 for line in sys.stdin:
     fields = line.strip().split(',')
@@ -63,7 +63,7 @@ for line in sys.stdin:
         print(good, flush=True)
 ";
 
-/// Says much, though there is no room for a file, and stays: a script has started it.
+/// Writes much to standard error, beyond the file size limit, and does not end; started by a script.
 const STAYS: &str = "
 import os, sys, time
 open('stays.pid', 'w').write(str(os.getpid()))
@@ -73,11 +73,11 @@ time.sleep(600)
 ";
 
 #[test]
-fn whatever_a_program_does_is_a_row_with_its_cause() {
+fn every_program_failure_is_reported_with_its_cause() {
     let home = home();
     let home = home.path();
     let with = |name: &str, answer: &str| {
-        let text = ANSWERS.replace("ANSWER", answer);
+        let text = ANSWERING.replace("ANSWER", answer);
         fs::write(home.join(format!("{name}.py")), text).unwrap();
         format!("{name}=python3 {name}.py")
     };
@@ -144,7 +144,7 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
             "answered `hello`: expected `ready,1`",
         ),
     ];
-    // It leaves while megabytes are being written to it.
+    // Exits while megabytes are written to it.
     let leaves = "import sys\nsys.stdin.readline()\nprint('ready,1,after', flush=True)\n";
     fs::write(home.join("leaves.py"), leaves).unwrap();
     fs::write(home.join("stays.py"), STAYS).unwrap();
@@ -161,7 +161,7 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
     assert!(start.elapsed() < Duration::from_mins(5));
     let summary = summary(home, "out");
     let tested = summary["tested"].as_array().unwrap();
-    // The others do not suffer from it.
+    // Other programs are not affected.
     assert!(position_rms(&tested[0])[0] < 20.0, "{}", tested[0]);
     assert!(tested[1]["failures"].as_array().unwrap().is_empty());
     assert!(tested[1]["rows"].as_array().unwrap().is_empty());
@@ -171,8 +171,8 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
         let failures = tested["failures"].as_array().unwrap();
         assert_eq!(failures.len(), 1, "{with}: {tested}");
         assert_eq!(failures[0]["fault"], *fault, "{with}: {tested}");
-        let told = failures[0]["cause"].as_str().unwrap();
-        assert!(told.contains(cause), "{with}: {told}");
+        let reported = failures[0]["cause"].as_str().unwrap();
+        assert!(reported.contains(cause), "{with}: {reported}");
         assert_eq!(tested["flights"], 0);
     }
     assert!(has_ended(&home.join("stays.pid")));
@@ -180,7 +180,7 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
 
 #[test]
 #[cfg(unix)]
-fn another_program_under_the_same_name_is_another_rehearsal() {
+fn a_changed_program_is_another_rehearsal() {
     let home = home();
     let home = home.path();
     let run = |more: &[&str]| {
@@ -189,8 +189,8 @@ fn another_program_under_the_same_name_is_another_rehearsal() {
         let output = command.args(more).output().unwrap();
         String::from_utf8(output.stderr).unwrap()
     };
-    let becomes = |answer: &str| {
-        let text = ANSWERS.replace("ANSWER", answer);
+    let write_program = |answer: &str| {
+        let text = ANSWERING.replace("ANSWER", answer);
         let file = home.join("mine");
         fs::write(&file, format!("#!/usr/bin/env python3{text}")).unwrap();
         succeed(Command::new("chmod").arg("+x").arg(file));
@@ -198,19 +198,22 @@ fn another_program_under_the_same_name_is_another_rehearsal() {
     let fault = || summary(home, "out")["tested"][0]["failures"][0]["fault"].clone();
     run(&[]);
     assert_eq!(fault(), "unusable");
-    // What could not be run is flown when it is there.
-    becomes("pass");
+    // A program that was missing is run once it exists.
+    write_program("pass");
     run(&[]);
     assert_eq!(fault(), Value::Null);
-    let told = run(&[]);
+    let stderr = run(&[]);
     let taken = "out: flights taken from before: 1, left to fly: 0";
-    assert!(told.contains(taken), "{told}");
-    becomes("good = 'nonsense'");
-    let told = run(&[]);
-    assert!(told.contains("with other settings: programs\n"), "{told}");
+    assert!(stderr.contains(taken), "{stderr}");
+    write_program("good = 'nonsense'");
+    let stderr = run(&[]);
+    assert!(
+        stderr.contains("with other settings: programs\n"),
+        "{stderr}"
+    );
     run(&["--force"]);
     assert_eq!(fault(), "wrong");
-    // The script of an interpreter that is a file itself, too.
+    // Also the script of an interpreter that is a local file.
     let with = |more: &[&str]| {
         let options = ["--models", "0", "--budget", "0", "--with"];
         let mut command = rehearse(home, "script", "1", &options);
@@ -225,20 +228,23 @@ fn another_program_under_the_same_name_is_another_rehearsal() {
             .arg(home.join("interpreter")),
     );
     with(&[]);
-    becomes("pass");
-    let told = with(&[]);
-    assert!(told.contains("with other settings: programs\n"), "{told}");
+    write_program("pass");
+    let stderr = with(&[]);
+    assert!(
+        stderr.contains("with other settings: programs\n"),
+        "{stderr}"
+    );
 }
 
-/// Whether a process that wrote its number into a file is gone, as far as the system tells.
+/// Whether the process whose id is in a file has ended.
 fn has_ended(file: &Path) -> bool {
     let pid = fs::read_to_string(file).unwrap();
     let state = fs::read_to_string(Path::new("/proc").join(pid).join("stat")).unwrap_or_default();
     state.is_empty() || state.contains(") Z ")
 }
 
-/// It computes on and on, whatever it is told.
-const COMPUTES: &str = "
+/// Runs forever and ignores signals.
+const COMPUTING: &str = "
 import os, signal
 for number in [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]:
     signal.signal(number, signal.SIG_IGN)
@@ -250,10 +256,10 @@ while True:
 ";
 
 #[test]
-fn a_program_ends_with_the_rehearsal_that_is_stopped() {
+fn programs_end_when_the_rehearsal_is_stopped() {
     let home = home();
     let home = home.path();
-    fs::write(home.join("computes.py"), COMPUTES).unwrap();
+    fs::write(home.join("computes.py"), COMPUTING).unwrap();
     let with = ["--with", "python3 computes.py", "--time-limit", "600"];
     let mut stopped = rehearse(home, "out", "1", &with).spawn().unwrap();
     let number = home.join("computes.pid");
@@ -272,7 +278,7 @@ fn wait_until(done: impl Fn() -> bool) {
 }
 
 #[test]
-fn who_answers_after_the_end_has_the_time_of_all_answers_and_no_more() {
+fn answers_after_the_end_have_the_total_time_limit() {
     let home = home();
     let home = home.path();
     let stops = "
@@ -291,7 +297,7 @@ for line in sys.stdin:
     fs::write(home.join("stops.py"), stops).unwrap();
     let mut options = vec!["--time-limit", "0.1", "--models", "0", "--budget", "0"];
     options.extend(["--with", "stops=python3 stops.py"]);
-    // Nothing came of it.
+    // There is no result.
     let status = rehearse(home, "out", "1", &options).status().unwrap();
     assert_eq!(status.code(), Some(1));
     let failure = &summary(home, "out")["tested"][0]["failures"][0];
@@ -300,11 +306,11 @@ for line in sys.stdin:
     let seconds: Vec<f64> = (cause.split(' '))
         .filter_map(|word| word.parse().ok())
         .collect();
-    // Waited for, and the limit.
+    // Waiting time, and the limit.
     assert!((seconds[0] - seconds[1]).abs() < 1e-9, "{cause}");
 }
 
-/// Lines of finished flights without the time they took, which is never the same.
+/// Lines of finished flights without the computing time, which varies.
 fn flights(file: &Path) -> Vec<String> {
     let text = fs::read_to_string(file).unwrap();
     let mut lines: Vec<String> = (text.lines())
@@ -321,7 +327,7 @@ fn flights(file: &Path) -> Vec<String> {
 }
 
 #[test]
-fn threads_kills_and_shards_leave_no_trace() {
+fn results_are_independent_of_threads_interruptions_and_shards() {
     let home = home();
     let home = home.path();
     let options = [
@@ -343,17 +349,17 @@ fn threads_kills_and_shards_leave_no_trace() {
     killed.kill().unwrap();
     killed.wait().unwrap();
     assert!(done() < whole.len(), "too late for this test");
-    let torn = fs::read_to_string(&runs).unwrap() + "{\"case\":\"fou";
-    fs::write(&runs, torn).unwrap();
+    let truncated = fs::read_to_string(&runs).unwrap() + "{\"case\":\"fou";
+    fs::write(&runs, truncated).unwrap();
     succeed(&mut run("2", "killed", &[]));
     assert_eq!(flights(&runs), whole);
 
-    // A shard here, and the rest by whoever comes without one.
+    // One shard, and the rest by a run without shards.
     succeed(&mut run("2", "parts", &["--shard", "2/3"]));
     assert!(!home.join("parts/rehearsal.json").exists());
     succeed(&mut run("2", "parts", &[]));
 
-    // The script for Slurm, under plain processes; task 0 adds up.
+    // The Slurm script with plain processes; task 0 merges.
     succeed(&mut run("1", "an array", &["--slurm", "2", "--force"]));
     assert!(!home.join("an array/runs-1-of-2.jsonl").exists());
     for task in ["1", "2", "0"] {
@@ -365,7 +371,7 @@ fn threads_kills_and_shards_leave_no_trace() {
             .stdout(Stdio::null());
         succeed(&mut job);
     }
-    // Between them they have flown everything.
+    // All flights are in the shards.
     assert_eq!(text("an array", "runs.jsonl"), "");
 
     for name in ["rehearsal.json", "errors.csv", "error-model.toml"] {
@@ -380,39 +386,39 @@ fn threads_kills_and_shards_leave_no_trace() {
     let page = text("one", "report.html");
     assert!(page.contains("What each error costs core") && page.contains("do not show"));
 
-    // Another rehearsal does not go on there.
+    // A rehearsal with other settings does not resume there.
     let mut other = run("1", "one", &["--seed", "5"]);
     let other = other.output().unwrap();
-    let told = String::from_utf8(other.stderr).unwrap();
+    let stderr = String::from_utf8(other.stderr).unwrap();
     assert!(
-        !other.status.success() && told.contains("with other settings: seed\n"),
-        "{told}"
+        !other.status.success() && stderr.contains("with other settings: seed\n"),
+        "{stderr}"
     );
 }
 
 #[test]
-fn drives_that_are_not_to_be_trusted_are_named_first() {
+fn untrusted_drives_are_reported_first() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     fs::write(home.join("plan.toml"), include_str!("turns.toml")).unwrap();
     let drive = ["drive", "--minutes", "6", "--errors", "mems"];
     succeed(host_sim(home).args(drive).args(["--out", "drive"]));
     let mut options = vec!["--models", "0", "--budget", "0", "--with", "core"];
-    // No ring laser is as bad.
+    // Sensors are much worse than this class.
     options.extend(["--grade", "hg1700"]);
     let output = rehearse(home, "out", "1", &options)
         .stdout(Stdio::piped())
         .output()
         .unwrap();
     assert!(output.status.success());
-    let words = "simulated drive, seed 1: Verdict: do NOT trust these estimates as they stand.";
-    let told = String::from_utf8(output.stdout).unwrap();
-    assert!(told.starts_with(words), "{told}");
+    let verdict = "simulated drive, seed 1: Verdict: do NOT trust these estimates as they stand.";
+    let stderr = String::from_utf8(output.stdout).unwrap();
+    assert!(stderr.starts_with(verdict), "{stderr}");
     let summary = summary(home, "out");
     assert_eq!(summary["verdicts"][0]["trusted"], false);
     assert!(!summary["verdicts"][0]["against"][0].is_null());
     let page = fs::read_to_string(home.join("out/report.html")).unwrap();
-    assert!(page.contains(words));
+    assert!(page.contains(verdict));
 
     let study = ["study", "rehearse", "drive", "--against", "drive"];
     let output = host_sim(home)
@@ -421,17 +427,17 @@ fn drives_that_are_not_to_be_trusted_are_named_first() {
         .stdout(Stdio::piped())
         .output()
         .unwrap();
-    let told = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(told.matches(words).count(), 2, "{told}");
+    let stderr = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(stderr.matches(verdict).count(), 2, "{stderr}");
 }
 
-/// Of a barometer nothing would be flown, and of noise that is none no algorithm can be told.
+/// Barometers are not simulated, and zero noise cannot be configured.
 #[test]
-fn keys_that_would_do_nothing_or_cannot_be_told_are_refused() {
+fn keys_without_effect_or_not_configurable_are_rejected() {
     let home = home();
     let home = home.path();
     let barometer = "gnss.rate_hz = 5.0\n[barometer]\nnoise_m = 0.2\n";
-    for (keys, says) in [
+    for (keys, message) in [
         (barometer, "keys.toml, line 2: no algorithm is given"),
         ("imu.stamp_jitter_s = 0.006", "keys.toml, line 1: imu.stamp"),
         (
@@ -448,16 +454,16 @@ fn keys_that_would_do_nothing_or_cannot_be_told_are_refused() {
         if keys.starts_with("given") {
             command.args(["--heading-sigma", "3"]);
         }
-        let told = String::from_utf8(command.output().unwrap().stderr).unwrap();
-        let told = told.replace("\n  \u{2502} ", " ");
-        assert!(told.contains(says), "{told}");
+        let stderr = String::from_utf8(command.output().unwrap().stderr).unwrap();
+        let stderr = stderr.replace("\n  \u{2502} ", " ");
+        assert!(stderr.contains(message), "{stderr}");
     }
     assert!(!home.join("out").exists());
 }
 
-/// The noise of this unit is white: flown as recorded at rest, it costs the same.
+/// The noise of this unit is white: noise recorded at rest has the same effect.
 #[test]
-fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {
+fn recorded_white_noise_has_the_effect_of_white_noise() {
     let home = home();
     let home = home.path();
     let options = ["--models", "0", "--budget", "0", "--noise-from", "drive"];
@@ -468,11 +474,11 @@ fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {
     let [white, recorded] = [0, 1].map(|which| position_rms(&tested[which]));
     for (white, recorded) in white.into_iter().zip(recorded) {
         assert!((white - recorded).abs() > 1e-9);
-        // Eight flights that share all but the noise.
+        // Eight flights that differ in noise only.
         let ratio = recorded / white;
         assert!((0.6..1.67).contains(&ratio), "{white} m, {recorded} m");
     }
-    // The same recording elsewhere goes on; another one in its place does not.
+    // The same recording at another path resumes; another recording does not.
     fs::rename(home.join("drive"), home.join("rest")).unwrap();
     let again = ["drive", "--minutes", "6", "--seed", "2", "--out", "drive"];
     succeed(host_sim(home).args(again));
@@ -481,16 +487,19 @@ fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {
     let other = ["drive", "--minutes", "6", "--seed", "3", "--out", "rest"];
     succeed(host_sim(home).args(other).arg("--force"));
     let output = rehearse(home, "out", "8", &options).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(told.contains("with other settings: noise_from"), "{told}");
-    // A drive that is given twice would make the model surer than it is.
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        stderr.contains("with other settings: noise_from"),
+        "{stderr}"
+    );
+    // Using a drive twice would understate the uncertainty of the model.
     let output = rehearse(home, "twice", "1", &["./drive"]).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(told.contains("the same recording as drive"), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("the same recording as drive"), "{stderr}");
 }
 
 #[test]
-fn templates_in_python_c_and_rust_are_one_filter() {
+fn templates_in_python_c_and_rust_are_equivalent() {
     let home = home();
     let home = home.path();
     let adaptors = Path::new(env!("CARGO_MANIFEST_DIR")).join("adaptors");
@@ -514,7 +523,7 @@ fn templates_in_python_c_and_rust_are_one_filter() {
     succeed(&mut rehearse(home, "out", "1", &all));
     let summary = summary(home, "out");
     let [python, c, rust] = [0, 1, 2].map(|which| position_rms(&summary["tested"][which]));
-    // With a fix ten times a second it is as good as its receiver.
+    // With ten fixes a second it is as accurate as the receiver.
     assert!(python[0] < 20.0, "{python:?}");
     for other in [c, rust] {
         for (mine, its) in python.iter().zip(other) {
@@ -523,9 +532,9 @@ fn templates_in_python_c_and_rust_are_one_filter() {
     }
 }
 
-/// Of an outage that is set, of samples that are lost, and of what else is set.
+/// An outage, lost samples, and another key.
 #[test]
-fn what_is_set_is_flown_and_said() {
+fn set_keys_are_simulated_and_reported() {
     let home = home();
     let home = home.path();
     let keys = "gnss.outages = [{ start_s = 50, duration_s = 30 }]\n\
@@ -549,7 +558,7 @@ fn what_is_set_is_flown_and_said() {
         names,
         ["accel_mps2.misalignment_sigma", "gnss.outages", "imu.holes"]
     );
-    // It has answers where samples are lost at the end, and is not judged by the outage.
+    // There are answers where samples are lost at the end, and the outage is not evaluated as aided.
     let [aided, free] = position_rms(&summary["tested"][0]);
     assert!(aided < 2.0, "{aided}");
     assert!(free > 5.0, "{free}");
@@ -562,9 +571,9 @@ fn what_is_set_is_flown_and_said() {
     }
 }
 
-/// Where GNSS is gone for a second or so, parts of that time end at the same moments.
+/// In an outage of about a second, fractions of it end at the same second.
 #[test]
-fn rows_are_labelled_by_their_moments() {
+fn rows_are_labelled_by_their_times() {
     let home = home();
     let home = home.path();
     let mut command = host_sim(home);

@@ -1,7 +1,6 @@
-//! Published filters through their adaptors, beside ours on the same flights.
+//! Published filters through their adaptors, on the same flights.
 //!
-//! This program is the adaptors itself when it is asked to be: `cargo test --test` builds no
-//! examples.
+//! With an argument this program is an adaptor itself: `cargo test --test` builds no examples.
 #![allow(
     clippy::duplicate_mod,
     reason = "elsewhere each is a program of its own"
@@ -18,31 +17,31 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// With GNSS none is worse than its receiver, whose positions have 1 m, by much.
+/// With GNSS; the noise of positions is 1 m.
 const POSITION_M: f64 = 2.0;
-/// Heading is told to 3 deg, and turns show it.
+/// The initial heading has a sigma of 3 deg, and turns make it observable.
 const HEADING_DEG: f64 = 2.0;
 
 fn main() -> std::io::Result<()> {
     match std::env::args().nth(1).as_deref() {
         Some("fusion-nav") => fusion_nav::main(),
         Some("kinavis-ins") => kinavis_ins::main(),
-        // Options of the test harness, which this has none of.
+        // Options of the test harness, which this does not use.
         _ => {
-            published_filters_fly();
-            println!("published_filters_fly ... ok");
+            published_filters_are_accurate();
+            println!("published_filters_are_accurate ... ok");
             Ok(())
         }
     }
 }
 
-fn published_filters_fly() {
+fn published_filters_are_accurate() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     // Long enough for filters to settle.
     let plan = include_str!("turns.toml").replace("duration_s = 150", "duration_s = 240");
     fs::write(home.join("plan.toml"), plan).unwrap();
-    // Each fix costs python-ins a tenth of a second, and kinavis-ins takes none of the past.
+    // python-ins takes a tenth of a second per fix, and kinavis-ins accepts no delayed fixes.
     let receiver = "gnss.rate_hz = 1.0\ngnss.latency_s = [0.0, 0.0]";
     fs::write(home.join("receiver.toml"), receiver).unwrap();
     let words = |text: &str| -> Vec<String> { text.split(' ').map(str::to_owned).collect() };

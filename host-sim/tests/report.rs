@@ -1,4 +1,4 @@
-//! The reports as a browser shows and prints them. Needs Chromium and poppler: `.ci/install`.
+//! Reports as displayed and printed by a browser. Needs Chromium and poppler: `.ci/install`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,10 +6,10 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// What an hour of log may weigh.
-const MOST_BYTES: u64 = 6_000_000;
+/// Largest report of an hour of log.
+const LARGEST_BYTES: u64 = 6_000_000;
 
-/// A page that shows the report in a frame of a width, and says what is wrong with it.
+/// A page that shows the report in a frame of a given width, and reports layout defects.
 const PROBE: &str = r#"<!doctype html><body><pre id="found"></pre><iframe id="frame"></iframe><script>
 const { src, width } = JSON.parse(decodeURIComponent(location.hash.slice(1)));
 frame.style = `width: ${width}px; height: 900px; border: 0`;
@@ -69,7 +69,7 @@ frame.onload = async () => {
   const empty = plots.filter(plot => ![...plot.querySelectorAll(".scatterlayer path")]
     .some(path => path.getAttribute("d")?.length > 5));
   const caption = plot => plot.parentElement.querySelector("figcaption").firstChild.data;
-  const said = {
+  const result = {
     plots: plots.length,
     over_time: over_time.length,
     empty: empty.map(caption),
@@ -89,20 +89,20 @@ frame.onload = async () => {
   if (over_time.length > 0) {
     await view.Plotly.relayout(over_time[0], { "xaxis.range": [100, 200] });
     await pause(200);
-    said.zoomed = over_time.filter(plot => plot.layout.xaxis.range[1] === 200).length;
+    result.zoomed = over_time.filter(plot => plot.layout.xaxis.range[1] === 200).length;
   }
-  found.textContent = JSON.stringify(said);
+  found.textContent = JSON.stringify(result);
 };
 </script>"#;
 
 fn host_sim(home: &Path, arguments: &[&str]) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
     let output = command.current_dir(home).args(arguments).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {stderr}");
 }
 
-/// Chromium over a page; with what it says of scripts on its standard error.
+/// Chromium with a page; messages of scripts are on standard error.
 fn chromium(arguments: &[&str], address: &str) -> Output {
     let profile = tempfile::tempdir().unwrap();
     let mut command = Command::new("chromium");
@@ -112,7 +112,7 @@ fn chromium(arguments: &[&str], address: &str) -> Output {
         "--disable-gpu",
         "--enable-logging=stderr",
     ]);
-    // Virtual time: it waits for scripts, and for nothing else.
+    // Virtual time: it only waits for scripts.
     command.args([
         "--virtual-time-budget=120000",
         "--allow-file-access-from-files",
@@ -122,8 +122,8 @@ fn chromium(arguments: &[&str], address: &str) -> Output {
     output.expect("chromium is missing: run .ci/install")
 }
 
-/// What the probe finds in a report that is shown so wide.
-fn shown(report: &Path, width: u32, dark: bool) -> Value {
+/// Result of the probe for a report of a width.
+fn probe_report(report: &Path, width: u32, dark: bool) -> Value {
     let probe = report.with_file_name("probe.html");
     fs::write(&probe, PROBE).unwrap();
     let hash = format!("{{%22src%22:%22report.html%22,%22width%22:{width}}}");
@@ -133,9 +133,9 @@ fn shown(report: &Path, width: u32, dark: bool) -> Value {
         &["--window-size=1500,1000", "--dump-dom", &scheme],
         &address,
     );
-    let said = String::from_utf8_lossy(&output.stderr);
-    for wrong in ["Uncaught", "Refused", "CONSOLE"] {
-        assert!(!said.contains(wrong), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    for defect in ["Uncaught", "Refused", "CONSOLE"] {
+        assert!(!stderr.contains(defect), "{stderr}");
     }
     let page = String::from_utf8(output.stdout).unwrap();
     let json = page.split_once("<pre id=\"found\">").unwrap().1;
@@ -144,29 +144,29 @@ fn shown(report: &Path, width: u32, dark: bool) -> Value {
         .replace("&lt;", "<")
         .replace("&gt;", ">")
         .replace("&amp;", "&");
-    serde_json::from_str(&json).unwrap_or_else(|_| panic!("nothing was drawn: {said}"))
+    serde_json::from_str(&json).unwrap_or_else(|_| panic!("nothing was drawn: {stderr}"))
 }
 
-fn check(report: &Path) -> Value {
+fn check_report(report: &Path) -> Value {
     let mut last = Value::Null;
     for (width, dark) in [(1366, false), (390, false), (390, true)] {
-        let said = shown(report, width, dark);
-        let case = format!("{width} px, dark {dark}: {said:#}");
+        let result = probe_report(report, width, dark);
+        let case = format!("{width} px, dark {dark}: {result:#}");
         for what in ["empty", "overlapping", "pale", "outside", "loaded"] {
-            assert_eq!(said[what], Value::Array(Vec::new()), "{what} at {case}");
+            assert_eq!(result[what], Value::Array(Vec::new()), "{what} at {case}");
         }
-        assert!(said["too_wide"].as_i64().unwrap() <= 0, "{case}");
-        assert_eq!(said["dark"], dark, "{case}");
-        if said["over_time"] != 0 {
-            assert_eq!(said["zoomed"], said["over_time"], "{case}");
+        assert!(result["too_wide"].as_i64().unwrap() <= 0, "{case}");
+        assert_eq!(result["dark"], dark, "{case}");
+        if result["over_time"] != 0 {
+            assert_eq!(result["zoomed"], result["over_time"], "{case}");
         }
-        last = said;
+        last = result;
     }
     last
 }
 
-/// The text of each page as printed on A4.
-fn printed(report: &Path) -> Vec<String> {
+/// Text of each page as printed on A4.
+fn printed_pages(report: &Path) -> Vec<String> {
     let [pdf, text] = ["print.pdf", "print.txt"].map(|name| report.with_file_name(name));
     let to_pdf = format!("--print-to-pdf={}", pdf.display());
     let address = format!("file://{}", report.display());
@@ -199,15 +199,15 @@ fn log_and_report(home: &Path, minutes: &str) -> PathBuf {
 }
 
 #[test]
-fn an_hour_is_drawn_whole_and_printed_whole() {
+fn report_of_an_hour_is_displayed_and_printed_completely() {
     let home = tempfile::tempdir().unwrap();
     let report = log_and_report(home.path(), "60");
     let size = fs::metadata(&report).unwrap().len();
-    assert!(size < MOST_BYTES, "{size}");
-    let said = check(&report);
-    assert!(said["plots"].as_u64().unwrap() > 30, "{said:#}");
-    // The simulated receiver is what it is configured to be.
-    let notes = said["velocity_notes"].as_array().unwrap();
+    assert!(size < LARGEST_BYTES, "{size}");
+    let result = check_report(&report);
+    assert!(result["plots"].as_u64().unwrap() > 30, "{result:#}");
+    // Innovations are consistent with the configured receiver noise.
+    let notes = result["velocity_notes"].as_array().unwrap();
     assert_eq!(notes.len(), 3);
     for note in notes {
         let ratio = note.as_str().unwrap().rsplit(' ').next().unwrap();
@@ -217,13 +217,13 @@ fn an_hour_is_drawn_whole_and_printed_whole() {
         );
     }
 
-    // Each caption is on the page of its plot, which ends with the name of its x axis.
-    let pages = printed(&report);
-    let captions = said["captions"].as_array().unwrap();
+    // Each caption is on the page of its plot, which ends with its x axis label.
+    let pages = printed_pages(&report);
+    let captions = result["captions"].as_array().unwrap();
     let is_caption = |line: &str| {
         captions.iter().any(|caption| {
             let text = caption["text"].as_str().unwrap();
-            // A note follows, on as many lines as it takes.
+            // A note of one or more lines follows.
             line == text || caption["whole"] == false && line.starts_with(text)
         })
     };
@@ -231,15 +231,15 @@ fn an_hour_is_drawn_whole_and_printed_whole() {
     for page in pages.iter().filter(|page| page.contains("time, s")) {
         let lines = || page.lines().map(str::trim);
         let plots = lines().filter(|line| *line == "time, s").count();
-        let there = lines().filter(|line| is_caption(line)).count();
-        assert_eq!(there, plots, "{page}");
+        let captions_on_page = lines().filter(|line| is_caption(line)).count();
+        assert_eq!(captions_on_page, plots, "{page}");
         found += plots;
     }
     assert_eq!(found, captions.len());
 }
 
 #[test]
-fn several_logs_stand_side_by_side() {
+fn several_logs_are_shown_side_by_side() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     for (seed, log) in [("1", "a"), ("2", "b")] {
@@ -267,7 +267,7 @@ fn several_logs_stand_side_by_side() {
     ] {
         assert!(page.contains(text), "{text}");
     }
-    // Two units: their biases are not the same.
+    // Two units with different biases.
     assert!(page.contains("the logs differ by more than their sigmas allow"));
-    check(&home.join("both/report.html"));
+    check_report(&home.join("both/report.html"));
 }

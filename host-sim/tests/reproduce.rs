@@ -1,10 +1,10 @@
-//! The thesis's figures from simulation.
+//! Figures of the thesis, reproduced by simulation.
 
 use host_sim::log::{BodyAxes, Grade, Log, Meta};
 use host_sim::sim::{DriveConfig, simulate};
 use host_sim::study::reproduce::{Recorded, Reproduction, Settings, reproduce};
 
-/// A drive whose truth nobody knows.
+/// A drive without truth.
 fn recorded() -> Recorded {
     let drive = simulate(&DriveConfig::new(4, Grade::Mems, 15.0));
     Recorded {
@@ -20,7 +20,7 @@ fn recorded() -> Recorded {
 }
 
 /// One of everything.
-fn small(threads: usize) -> Reproduction {
+fn reproduce_small(threads: usize) -> Reproduction {
     let settings = Settings {
         drives: 1,
         minutes: 40.0,
@@ -42,13 +42,13 @@ fn number(reproduction: &Reproduction, part: &str, what: &str) -> f64 {
 }
 
 #[test]
-fn shows_what_the_thesis_shows_on_any_number_of_threads() {
-    let reproduction = small(1);
-    assert_eq!(reproduction, small(2));
+fn results_match_the_thesis_on_any_number_of_threads() {
+    let reproduction = reproduce_small(1);
+    assert_eq!(reproduction, reproduce_small(2));
     let number = |part: &str, what: &str| number(&reproduction, part, what);
     // Figure 8: an order of magnitude.
     assert!(number("figure-8", "improvement factor") > 10.0);
-    // Figures 3 and 4, 6 and 7: honest, and as good as a filter that is told the noises.
+    // Figures 3 and 4, 6 and 7: errors within sigmas, and as accurate as a filter with the true noises.
     for (figures, line) in [
         ("figures-3-4", "azimuth"),
         ("figures-6-7", "gyro right"),
@@ -58,14 +58,14 @@ fn shows_what_the_thesis_shows_on_any_number_of_threads() {
         let ratio = number(figures, &format!("{line}, compensation / Kalman"));
         assert!((0.5..1.5).contains(&ratio), "{line}: {ratio}");
     }
-    let apart = number("figures-3-4-recorded", "azimuth, difference");
-    assert!(apart < 0.5, "{apart}");
-    // Figure 9: Schuler's 84.4 min, as far as a vehicle that turns lets it.
+    let difference = number("figures-3-4-recorded", "azimuth, difference");
+    assert!(difference < 0.5, "{difference}");
+    // Figure 9: Schuler's 84.4 min, approximately because the vehicle turns.
     let period_min = number("figure-9", "period");
     assert!((70.0..100.0).contains(&period_min), "{period_min}");
-    // Figure 5: gone, that is less than a tenth is left.
+    // Figure 5: less than a tenth remains.
     assert!(number("figure-5", "improvement factor") > 10.0);
-    // Table 1: the laboratory sees a tenth of the biases, drives see most of them.
+    // Table 1: laboratory values explain a tenth of the biases, drives most of them.
     let predicted =
         |from: &str| number("table-1-argument", &format!("predicted from the {from} /"));
     assert!(predicted("laboratory") < 0.5, "{}", predicted("laboratory"));
@@ -87,12 +87,12 @@ fn shows_what_the_thesis_shows_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_recorded_drive_that_shows_nothing_is_refused() {
+fn a_recorded_drive_without_fixes_is_rejected() {
     let mut drive = recorded();
     drive.log.gnss.clear();
-    let refused = reproduce(Settings::new(1), Some(&drive)).unwrap_err();
+    let error = reproduce(Settings::new(1), Some(&drive)).unwrap_err();
     assert_eq!(
-        refused.to_string(),
+        error.to_string(),
         "a drive: navigation never begins, nothing to draw"
     );
 }

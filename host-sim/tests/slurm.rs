@@ -1,6 +1,6 @@
-//! Campaigns from outside: threads, kills and shards leave no trace in the results. The shards are those
-//! of the job array that `campaign --slurm` writes, under Slurm: a controller and a node of its own
-//! on this machine, stopped at the end. Needs Slurm and munge: `.ci/install`.
+//! Campaigns by command line: results do not depend on threads, interruptions and shards. The shards are those
+//! of the job array that `campaign --slurm` writes, under Slurm: a controller and a node on this machine,
+//! stopped at the end. Needs Slurm and munge: `.ci/install`.
 #![cfg(target_os = "linux")]
 
 use std::env;
@@ -30,8 +30,8 @@ const RUNS_OF_A_UNIT: usize = 1 + 2 * 4;
 /// One of each package.
 const PROGRAMS: [&str; 4] = ["munged", "slurmctld", "slurmd", "sbatch"];
 
-/// Runs the daemons until the test closes its end of the pipe, or dies in whatever way. A job outlives
-/// the daemons, so it is stopped before them.
+/// Runs the daemons until the test closes its end of the pipe or dies. A job outlives the daemons, so it is
+/// stopped first.
 const DAEMONS: &str = "
     mungekey --create --keyfile=$PWD/munge.key
     munged --foreground --force --key-file=$PWD/munge.key --socket=$PWD/munge.socket \\
@@ -65,7 +65,7 @@ impl Cluster {
             fs::create_dir_all(home.join(folder)).unwrap();
         }
         fs::write(home.join("slurm.conf"), configuration(&home)).unwrap();
-        // A session of its own: Ctrl-C is for the test.
+        // In its own session: Ctrl-C must only stop the test.
         let daemons = command(&home, "setsid")
             .args(["bash", "-c", DAEMONS])
             .current_dir(&home)
@@ -82,7 +82,7 @@ impl Cluster {
         cluster
     }
 
-    /// What it says once it is done.
+    /// Runs a command and returns its output.
     fn run(&self, program: &str, arguments: &[&str]) -> String {
         let output = command(&self.home, program)
             .args(arguments)
@@ -97,22 +97,22 @@ impl Cluster {
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// Does as the script says. Returns the numbers of the array and of the job that adds up.
+    /// Submits by the commands in the script's header; ids of the job array and of the merging job.
     fn submit(&self, script: &Path) -> [String; 2] {
         let text = fs::read_to_string(script).unwrap();
-        // What jobs print comes to the logs.
+        // Output of jobs goes to the logs.
         fs::copy(script, self.home.join(script.file_name().unwrap())).unwrap();
-        let told = text.lines().filter_map(|line| line.strip_prefix("#   "));
-        let commands: Vec<&str> = told.chain(["echo $job"]).collect();
+        let submit_lines = text.lines().filter_map(|line| line.strip_prefix("#   "));
+        let commands: Vec<&str> = submit_lines.chain(["echo $job"]).collect();
         let output = (command(&self.home, "bash").args(["-euc", &commands.join("\n")]))
             .current_dir(&self.home)
             .env("HOST_SIM", HOST_SIM)
             .output()
             .unwrap();
-        let said = String::from_utf8(output.stdout).unwrap();
-        let words: Vec<&str> = said.split_whitespace().collect();
+        let stdout = String::from_utf8(output.stdout).unwrap();
+        let words: Vec<&str> = stdout.split_whitespace().collect();
         let ["Submitted", "batch", "job", sum, array] = words[..] else {
-            panic!("{said}{}", String::from_utf8_lossy(&output.stderr));
+            panic!("{stdout}{}", String::from_utf8_lossy(&output.stderr));
         };
         [array, sum].map(str::to_owned)
     }
@@ -139,7 +139,7 @@ impl Cluster {
         while !happened() {
             assert!(
                 start.elapsed() < Duration::from_mins(2),
-                "waited in vain for {what}\n{}",
+                "timeout waiting for {what}\n{}",
                 self.logs()
             );
             sleep(Duration::from_millis(20));
@@ -153,7 +153,7 @@ impl Cluster {
 
 impl Drop for Cluster {
     fn drop(&mut self) {
-        // It closes the pipe first.
+        // `wait` closes the pipe first.
         let _ = self.daemons.wait();
     }
 }
@@ -162,7 +162,7 @@ fn configuration(home: &Path) -> String {
     let user = fs::metadata(home).unwrap().uid();
     let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
     let host = host.trim().split('.').next().unwrap();
-    // Both at once: two that are free.
+    // Bound at the same time, so that they differ.
     let ports = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
     let [controller, node] = ports.map(|port| port.local_addr().unwrap().port());
     let home = home.display();
@@ -194,7 +194,7 @@ fn configuration(home: &Path) -> String {
     )
 }
 
-/// Daemons are where a user need not have them in the path.
+/// Daemons may be in directories that are not in a user's path.
 fn path() -> String {
     env::var("PATH").unwrap_or_default() + ":/usr/sbin"
 }
@@ -207,17 +207,17 @@ fn command(home: &Path, program: &str) -> Command {
     command
 }
 
-/// On two threads, where a job has one. The error is what it says.
+/// On two threads, where a job has one. The error is the message.
 fn host_sim(home: &Path, arguments: &str) -> Result<(), String> {
     let mut command = Command::new(HOST_SIM);
     command.current_dir(home).args(arguments.split_whitespace());
     command.env("RAYON_NUM_THREADS", "2");
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    output.status.success().then_some(()).ok_or(said)
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    output.status.success().then_some(()).ok_or(stderr)
 }
 
-/// Of all files in a folder with an extension.
+/// Concatenated text of all files in a folder with an extension.
 fn text_of(folder: &Path, extension: &str) -> String {
     let files = fs::read_dir(folder).unwrap();
     let files = files.map(|entry| entry.unwrap().path());
@@ -235,7 +235,7 @@ fn sorted_runs(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
+fn results_are_unchanged_by_a_requeued_shard() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     fs::write(home.join("plan.toml"), PLAN).unwrap();
@@ -253,25 +253,25 @@ fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
     let before = runs();
     let done = before.matches('\n').count();
     assert!(done < RUNS_OF_A_UNIT, "too late for this test");
-    // Backwards: what is done again would stand in its old place. And torn in the middle of a line.
+    // Reversed, so that repeated runs would show, and cut within a line.
     let mut before: Vec<&str> = before.split_inclusive('\n').take(done).collect();
     before.reverse();
     let before = before.concat();
     fs::write(&file, before.clone() + "{\"run\":\"fli").unwrap();
 
-    // With one shard done and one not, Slurm does not add up, and could not.
+    // Merging waits for all shards, and fails without.
     cluster.wait_for_state(&other, "COMPLETED");
     assert_eq!(cluster.field(&sum, "State"), "PENDING");
     let unfinished = host_sim(home, "merge array").unwrap_err();
     assert!(unfinished.contains("flights are missing"), "{unfinished}");
 
-    // Not minutes later, as Slurm would.
+    // At once, instead of minutes later.
     let job = format!("JobId={stopped}");
     cluster.run("scontrol", &["update", &job, "StartTime=now"]);
     cluster.run("scontrol", &["release", &stopped]);
     cluster.wait_for_state(&sum, "COMPLETED");
     assert_eq!(cluster.field(&stopped, "RestartCnt"), "1");
-    assert!(runs().starts_with(&before), "what was done is done again");
+    assert!(runs().starts_with(&before), "finished runs were repeated");
 
     let [one, array] = ["one", "array"].map(|folder| home.join(folder));
     assert_eq!(sorted_runs(&one).len(), 2 * RUNS_OF_A_UNIT);
@@ -283,12 +283,12 @@ fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
 
     let other = PLAN.replace("seed = 3", "seed = 4");
     fs::write(home.join("other.toml"), other).unwrap();
-    let refusal = host_sim(home, "campaign other.toml --out one").unwrap_err();
-    assert!(refusal.contains("a campaign of another plan"), "{refusal}");
+    let message = host_sim(home, "campaign other.toml --out one").unwrap_err();
+    assert!(message.contains("a campaign of another plan"), "{message}");
 }
 
 #[test]
-fn a_campaign_goes_on_where_a_shard_has_ended() {
+fn a_campaign_resumes_from_a_finished_shard() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     fs::write(home.join("plan.toml"), PLAN).unwrap();

@@ -1,6 +1,6 @@
-//! Bounds that a seeded sample must keep, for the tests of every generator, here and in src/sim.
+//! Statistical checks of seeded samples, for tests here and in src/sim.
 
-/// Chance of a false alarm 6e-5 for one check; the seeds are fixed, so it either is one or not.
+/// Probability of a false alarm 6e-5 per check; seeds are fixed, so results are reproducible.
 const SIGMAS: f64 = 4.0;
 
 pub fn mean(samples: &[f64]) -> f64 {
@@ -15,8 +15,8 @@ pub fn covariance(a: &[f64], b: &[f64]) -> f64 {
 /// The mean of independent samples of standard deviation `sigma`.
 pub fn assert_mean(samples: &[f64], expected: f64, sigma: f64) {
     let bound = SIGMAS * sigma / (samples.len() as f64).sqrt();
-    let off = mean(samples) - expected;
-    assert!(off.abs() < bound, "mean off by {off:e}, bound {bound:e}");
+    let error = mean(samples) - expected;
+    assert!(error.abs() < bound, "mean error {error:e}, bound {bound:e}");
 }
 
 /// The variance of independent zero-mean normal samples: chi-square, near normal for 500 and

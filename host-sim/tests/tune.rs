@@ -1,4 +1,4 @@
-//! The command `tune`: conversions by worked examples, and whole logs.
+//! Command `tune`: conversions by worked examples, and complete logs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ fn known<const N: usize>(values: [f64; N]) -> [Found; N] {
     values.map(|value| Found::known(value, 0.001 * value.abs()))
 }
 
-/// Of a unit that found nothing, to be given values.
+/// A tuning without any known value, to be filled in.
 fn unknown() -> Tuning {
     let drive = at_rest();
     let home = tempfile::tempdir().unwrap();
@@ -45,14 +45,14 @@ fn assert_prints(t: &Tuning, target: Target, lines: &[&str]) {
 }
 
 #[test]
-fn px4_counts_forward_right_down_and_adds_to_what_was_set() {
+fn px4_uses_frd_and_adds_to_existing_parameters() {
     let mut t = unknown();
     [t.gnss_delay_s] = known([0.122]);
     // 0.3 m to the left, 0.5 m behind, 1.2 m above.
     t.lever_arm_m = known([-0.3, -0.5, 1.2]);
-    // A board with its right side down and its nose up is turned by as much, nose to the left.
+    // A board with right side down, nose up and nose left.
     [t.mount.roll_rad, t.mount.pitch_rad, t.mount.heading_rad] = known([0.01, 0.05, -0.02]);
-    // 0.02 m/s^2 too much along up is too little along down, and as much more before a scale of 0.5.
+    // An up bias of 0.02 m/s^2 is -0.02 along down, and twice that before a scale of 0.5.
     t.accel_bias_mps2 = known([0.01, 0.03, 0.02]);
     for (name, value) in [("SCALE", 0.5), ("OFF", 0.0)] {
         t.parameters.insert(format!("CAL_ACC0_Z{name}"), value);
@@ -71,7 +71,7 @@ fn px4_counts_forward_right_down_and_adds_to_what_was_set() {
         "# EKF2_GYR_NOISE: 0.015000 +- 0.000015 rad/s",
     ];
     assert_prints(&t, Target::Px4, &lines);
-    // 110 ms were taken from the stamps before they were logged, and 12 ms are left.
+    // 110 ms were subtracted from time stamps before logging; 12 ms remain.
     [t.gnss_delay_s] = known([0.012]);
     t.source = "sensor_combined and vehicle_gps_position 0".to_owned();
     t.parameters.insert("SENS_GPS0_DELAY".to_owned(), 110.0);
@@ -79,12 +79,12 @@ fn px4_counts_forward_right_down_and_adds_to_what_was_set() {
 }
 
 #[test]
-fn ardupilot_counts_forward_right_down() {
+fn ardupilot_uses_frd() {
     let mut t = unknown();
     [t.gnss_delay_s] = known([0.22]);
     // 0.1 m to the right, 0.2 m ahead, 0.15 m above.
     t.lever_arm_m = known([0.1, 0.2, 0.15]);
-    // A board with its nose up reads specific force forwards at rest: what levelling keeps as trim.
+    // A board with its nose up senses forward specific force at rest, which levelling stores as trim.
     [t.mount.roll_rad, t.mount.pitch_rad] = known([-0.01, 0.03]);
     t.accel_bias_mps2 = known([0.01, -0.02, 0.03]);
     t.source = "IMU 2 and GPS 1".to_owned();
@@ -105,14 +105,14 @@ fn ardupilot_counts_forward_right_down() {
         "# EK3_GYRO_P_NSE: 0.013693 +- 0.000014 rad/s",
     ];
     assert_prints(&t, Target::Ardupilot, &lines);
-    // The first has no number.
+    // Parameters of the first IMU have no number.
     t.source = "IMU 1 and GPS 1".to_owned();
     t.parameters.insert("INS_ACCOFFS_X".to_owned(), 0.01);
     assert_prints(&t, Target::Ardupilot, &["INS_ACCOFFS_X,-0.010000"]);
 }
 
 #[test]
-fn parameters_are_those_of_the_sensor_and_the_receiver_that_were_read() {
+fn parameters_are_those_of_the_selected_sensor_and_receiver() {
     let mut t = unknown();
     [t.gnss_delay_s] = known([0.12]);
     t.lever_arm_m = known([0.0, 0.5, 0.0]);
@@ -173,12 +173,12 @@ fn parameters_are_those_of_the_sensor_and_the_receiver_that_were_read() {
         let text = targets::text(&t, target).unwrap();
         assert!(!text.contains(first), "{source}: {text}");
     }
-    // Any of several is the one that was used.
+    // With several sensors the one used is unknown.
     t.parameters.insert("CAL_GYRO1_ID".to_owned(), 5.0);
     t.source = "sensor_combined and vehicle_gps_position 0".to_owned();
     let text = targets::text(&t, Target::Px4).unwrap();
     assert!(!text.contains("param set CAL_"), "{text}");
-    // Numbers that are bound to identities need not be those of the messages.
+    // Parameters bound to device ids need not have the instance numbers of the messages.
     t.parameters.insert("SENS_GPS0_ID".to_owned(), 7.0);
     t.source = "vehicle_imu 0 and sensor_gps 1".to_owned();
     let text = targets::text(&t, Target::Px4).unwrap();
@@ -186,7 +186,7 @@ fn parameters_are_those_of_the_sensor_and_the_receiver_that_were_read() {
 }
 
 #[test]
-fn an_antenna_is_counted_from_where_the_autopilot_has_the_unit() {
+fn antenna_position_is_relative_to_the_configured_unit_position() {
     let mut t = unknown();
     t.lever_arm_m = known([0.0, -0.062, 0.0]);
     for name in ["EKF2_IMU_POS_X", "INS_POS1_X", "INS_POS3_X"] {
@@ -200,7 +200,7 @@ fn an_antenna_is_counted_from_where_the_autopilot_has_the_unit() {
 }
 
 #[test]
-fn models_of_sensors_have_their_own_units() {
+fn sensor_models_have_their_own_units() {
     let mut t = unknown();
     [t.gnss_delay_s] = known([0.122]);
     // dataset/kf-gins.yaml: 0.136 m ahead, 0.301 m to the left, 0.184 m above.
@@ -210,7 +210,7 @@ fn models_of_sensors_have_their_own_units() {
     t.accel_bias_mps2 = known([0.03, 0.02, 0.011]);
     [t.gyro_noise, t.accel_noise] = known([1e-4, 1e-3]);
     [t.gyro_bias_wander, t.gyro_bias_correlation_s] = known([40.0 * DEG_H_RADPS, 1800.0]);
-    // Stamped 10.122, it shows 10.000: 10.000 = 10.122 + shift.
+    // A fix stamped 10.122 is valid at 10.000 = 10.122 + shift.
     let shift = "# t_imu = t_gnss + shift: -0.12200 +- 0.00012 s";
     assert_prints(
         &t,
@@ -278,13 +278,13 @@ fn car() -> Car {
     Car::new(5, 60.0 * MINUTES, Some([30.0, 60.0]))
 }
 
-fn plain_drive() -> SimulatedDrive {
+fn level_drive() -> SimulatedDrive {
     drive(car(), UnitQuaternion::identity(), Vector3::zeros())
 }
 
-/// It never leaves the place it rests at.
+/// Only the initial rest.
 fn at_rest() -> SimulatedDrive {
-    let mut drive = plain_drive();
+    let mut drive = level_drive();
     drive.imu.truncate(1250);
     let end = drive.imu.last().unwrap().time;
     drive.gnss.retain(|fix| fix.time < end);
@@ -304,13 +304,13 @@ fn tuning(drive: &SimulatedDrive, folder: &Path) -> Tuning {
     Tuning::new(&analysis, &model)
 }
 
-/// Within five of its own sigmas: the drive is one of many.
-fn right(found: &Found, truth: f64) -> bool {
+/// Within five sigmas.
+fn is_within_sigmas(found: &Found, truth: f64) -> bool {
     found.is_known() && (found.value - truth).abs() < 5.0 * found.sigma
 }
 
 #[test]
-fn a_tilted_unit_in_a_car_is_found_and_printed_for_all() {
+fn mounting_in_a_car_is_estimated_and_printed_for_all_targets() {
     let angles = [0.03, -0.2, 0.4];
     let mount = from_euler(&Euler {
         roll_rad: angles[0],
@@ -328,17 +328,20 @@ fn a_tilted_unit_in_a_car_is_found_and_printed_for_all() {
         found
             .iter()
             .zip(angles)
-            .all(|(found, truth)| right(found, truth))
+            .all(|(found, truth)| is_within_sigmas(found, truth))
     );
-    assert!(right(&t.gnss_delay_s, drive.errors.gnss_latency_s));
+    assert!(is_within_sigmas(
+        &t.gnss_delay_s,
+        drive.errors.gnss_latency_s
+    ));
     let arm = mount.inverse() * antenna_m;
     assert!(
         t.lever_arm_m
             .iter()
             .zip(arm.iter())
-            .all(|(found, arm)| { !found.is_known() || right(found, *arm) })
+            .all(|(found, arm)| { !found.is_known() || is_within_sigmas(found, *arm) })
     );
-    // The configuration flies, and all files are written, each value beside its sigma.
+    // The configuration is valid, and every output has its values.
     assert!(ins_core::Navigator::new(t.config).is_ok());
     let delay = format!("{:.0}", 1e3 * t.gnss_delay_s.value);
     for (target, line) in [
@@ -362,7 +365,7 @@ fn a_tilted_unit_in_a_car_is_found_and_printed_for_all() {
         let text = targets::text(&t, target).unwrap();
         assert!(text.contains(&line), "{target:?}: {line} not in\n{text}");
     }
-    // Offsets add to what was set, which a log folder does not hold.
+    // Offsets are relative to the autopilot's parameters, which a log folder does not contain.
     let px4 = targets::text(&t, Target::Px4).unwrap();
     assert!(!px4.contains("param set CAL_"), "{px4}");
     let json = targets::text(&t, Target::Json).unwrap();
@@ -374,9 +377,9 @@ fn a_tilted_unit_in_a_car_is_found_and_printed_for_all() {
 }
 
 #[test]
-fn what_was_set_in_the_recording_is_added_to() {
+fn offsets_are_added_to_recorded_parameters() {
     let home = tempfile::tempdir().unwrap();
-    let drive = plain_drive();
+    let drive = level_drive();
     let mut t = tuning(&drive, home.path());
     t.source = "sensor_combined and vehicle_gps_position 0".to_owned();
     t.parameters.insert("SENS_GPS0_DELAY".to_owned(), 20.0);
@@ -396,7 +399,7 @@ fn what_was_set_in_the_recording_is_added_to() {
 }
 
 #[test]
-fn an_aircraft_shows_its_heading_and_a_multicopter_nothing() {
+fn mounting_heading_is_observable_on_an_aircraft_not_on_a_multicopter() {
     let seconds = 60.0 * MINUTES;
     let home = tempfile::tempdir().unwrap();
     let level = UnitQuaternion::identity();
@@ -407,7 +410,7 @@ fn an_aircraft_shows_its_heading_and_a_multicopter_nothing() {
     );
     println!("{:?}", t.mount);
     assert_eq!(t.mount.vehicle, Vehicle::Aircraft);
-    assert!(right(&t.mount.heading_rad, 0.0) && !t.mount.pitch_rad.is_known());
+    assert!(is_within_sigmas(&t.mount.heading_rad, 0.0) && !t.mount.pitch_rad.is_known());
     let quadrotor = Quadrotor::new(5, seconds, Some(20.0));
     let t = tuning(
         &drive(quadrotor, level, Vector3::zeros()),
@@ -429,7 +432,7 @@ fn json_names_axes_and_units() {
 }
 
 #[test]
-fn what_is_not_known_is_a_comment() {
+fn unknown_values_are_comments() {
     let t = unknown();
     assert!(!t.verdict.trusted && !t.gnss_delay_s.is_known());
     for target in [Target::Px4, Target::Ardupilot] {
@@ -441,8 +444,8 @@ fn what_is_not_known_is_a_comment() {
 }
 
 #[test]
-fn sensors_of_another_class_are_told_in_the_verdict() {
-    let drive = plain_drive();
+fn sensors_of_another_class_are_reported_in_the_verdict() {
+    let drive = level_drive();
     let lines = [Grade::Mems, Grade::Hg1700].map(|grade| {
         let input = Input::of(String::new(), log_of(&drive, grade), Vec::new(), None);
         let analysis = Analysis::of_input(input, &ProgressBar::hidden()).unwrap();
@@ -454,7 +457,7 @@ fn sensors_of_another_class_are_told_in_the_verdict() {
 }
 
 #[test]
-fn a_log_that_is_doubted_is_not_trusted() {
+fn a_log_with_serious_warnings_is_not_trusted() {
     let warning = LogError {
         path: Path::new("imu.csv").into(),
         line: None,
@@ -465,7 +468,7 @@ fn a_log_that_is_doubted_is_not_trusted() {
         cause: "gyro_x and gyro_y are swapped".into(),
         doubt: true,
     };
-    let log = log_of(&plain_drive(), Grade::Mems);
+    let log = log_of(&level_drive(), Grade::Mems);
     let input = Input::of(String::new(), log, vec![warning], None);
     let analysis = Analysis::of_input(input, &ProgressBar::hidden()).unwrap();
     let verdict = analysis.summary.verdict;
@@ -473,29 +476,29 @@ fn a_log_that_is_doubted_is_not_trusted() {
 }
 
 #[test]
-fn sensors_are_not_chosen_in_a_log_folder() {
+fn sensor_selection_is_rejected_for_a_log_folder() {
     let home = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
         .args(["tune", "--imu", "2"])
         .arg(home.path())
         .output()
         .unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
     assert!(
-        !output.status.success() && told.contains("leave them out"),
-        "{told}"
+        !output.status.success() && stderr.contains("leave them out"),
+        "{stderr}"
     );
 }
 
-fn samples() -> Option<PathBuf> {
+fn recordings_folder() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/formats");
     folder.is_dir().then_some(folder)
 }
 
 #[test]
-fn recordings_are_taken_as_they_are() {
-    let Some(folder) = samples() else {
-        println!("No recordings to try.");
+fn recordings_are_accepted_directly() {
+    let Some(folder) = recordings_folder() else {
+        println!("No recordings available.");
         return;
     };
     let tune = |arguments: &[&str]| {
@@ -513,16 +516,16 @@ fn recordings_are_taken_as_they_are() {
     };
     let flight = "arducopter_3.1_joey1.bin";
     for sensor in ["1", "2"] {
-        let (well, text) = tune(&[flight, "--imu", sensor, "--format", "ardupilot"]);
-        assert!(well && text.starts_with("# ArduPilot"), "{text}");
+        let (success, text) = tune(&[flight, "--imu", sensor, "--format", "ardupilot"]);
+        assert!(success && text.starts_with("# ArduPilot"), "{text}");
         assert!(text.contains("Verdict: "), "{text}");
     }
-    let (well, text) = tune(&[flight, "--json"]);
+    let (success, text) = tune(&[flight, "--json"]);
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(
-        well && json["parameters"]["AHRS_ORIENTATION"].is_number(),
+        success && json["parameters"]["AHRS_ORIENTATION"].is_number(),
         "{text}"
     );
-    // Nothing of what fails.
+    // No output on failure.
     assert_eq!(tune(&["sample.ulg"]), (false, String::new()));
 }

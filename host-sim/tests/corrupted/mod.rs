@@ -1,4 +1,4 @@
-//! Logs as text, to be spoilt.
+//! Logs as text, to be modified.
 #![allow(dead_code)] // Each test uses its part.
 
 use std::fmt::Write as _;
@@ -17,7 +17,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// A recorded log, if it is at hand.
+    /// A recorded log, if available.
     pub fn recorded(name: &str) -> Option<Self> {
         let folder = recorded_logs().join(name);
         if !folder.is_dir() {
@@ -31,7 +31,7 @@ impl Files {
         })
     }
 
-    pub fn put(&self, folder: &Path) {
+    pub fn write_to(&self, folder: &Path) {
         fs::write(folder.join("imu.csv"), &self.imu).unwrap();
         fs::write(folder.join("gnss.csv"), &self.gnss).unwrap();
         fs::write(folder.join("meta.toml"), &self.meta).unwrap();
@@ -81,7 +81,7 @@ pub fn set_line(text: &mut String, line: usize, with: &str) {
     *text = lines.join("\n") + "\n";
 }
 
-/// Makes every row, which is given with its index from zero and its cells, another one, or none.
+/// Modifies each row, given by its index from zero and its cells; false deletes it.
 pub fn each_row(text: &mut String, mut f: impl FnMut(usize, &mut Vec<String>) -> bool) {
     let mut changed = text.lines().next().unwrap().to_owned() + "\n";
     for (index, line) in text.lines().skip(1).enumerate() {
@@ -101,16 +101,16 @@ pub fn swap_columns(text: &mut String, a: usize, b: usize) {
 }
 
 /// Replaces cells by those of an earlier row, chosen by index.
-pub fn hold(text: &mut String, columns: std::ops::Range<usize>, shown: impl Fn(usize) -> usize) {
+pub fn hold(text: &mut String, columns: std::ops::Range<usize>, source: impl Fn(usize) -> usize) {
     let mut rows: Vec<Vec<String>> = Vec::new();
     each_row(text, |index, cells| {
         rows.push(cells.clone());
-        cells[columns.clone()].clone_from_slice(&rows[shown(index)][columns.clone()]);
+        cells[columns.clone()].clone_from_slice(&rows[source(index)][columns.clone()]);
         true
     });
 }
 
-/// Turns the sensors about their y axis (right), front end down.
+/// Rotates the sensors about their y axis (right), nose down.
 pub fn pitch_sensors(imu: &mut String, down_deg: f64) {
     let (s, c) = down_deg.to_radians().sin_cos();
     each_row(imu, |_, cells| {
