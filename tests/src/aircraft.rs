@@ -1,5 +1,5 @@
-//! Natural motions and cruise of our aircraft beside those that others have: published values, and
-//! `JSBSim`'s Cessna 172, an independent model of the same aircraft.
+//! Modes and cruise of our aircraft compared with published values, and with `JSBSim`'s Cessna 172, an
+//! independent model of the same aircraft.
 
 use host_sim::aircraft::cessna172;
 use host_sim::aircraft::dynamics::Dynamics;
@@ -11,7 +11,7 @@ use serde::Deserialize;
 use crate::cargo::repository;
 use crate::python::Environment;
 
-/// What is published of the Cessna 172: row of the table, which of its speeds, value.
+/// Published values of the Cessna 172: row of the table, index of the speed, value.
 ///
 /// At 99 kt the cruise table of the 172N's handbook has 51 % of 160 hp and 2200 rpm (as
 /// github.com/abu-infidel/Python-based-BEMT-visualizer-calculator quotes it). At 110 kt
@@ -61,10 +61,10 @@ pub fn cessna_182() -> Result<TrimRow, String> {
         .ok_or_else(|| "the Cessna 182 does not fly its cruise".to_owned())
 }
 
-/// A quantity of a mode: its name, digits that are worth printing, and how to get it.
+/// A quantity of a mode: name, decimals, value.
 pub type ModeRow = (&'static str, usize, fn(&Modes) -> f64);
 
-/// What tables say of modes.
+/// Rows of modes in tables.
 pub const MODE_ROWS: [ModeRow; 8] = [
     ("phugoid period, s", 1, |m| m.phugoid.period_s),
     ("phugoid damping ratio", 3, |m| m.phugoid.damping_ratio),
@@ -86,16 +86,16 @@ pub const MODE_ROWS: [ModeRow; 8] = [
 
 // --- JSBSim ---
 
-/// Slow, cruise, fast; true airspeed. The latter two are those of what is published
+/// Slow, cruise, fast; true airspeed. The latter two are those of the published values
 /// ([`CESSNA_172`]). At 40 m/s a kink of `JSBSim`'s lift table would lie at the trim.
 pub const SPEEDS_MPS: [f64; 3] = [42.0, 50.9, 58.0];
-/// Where they are compared: 4000 ft.
+/// Height of the comparison: 4000 ft.
 pub const HEIGHT_M: f64 = 1219.2;
 
-/// What `tests/jsbsim/reference.py` prints.
+/// Output of `tests/jsbsim/reference.py`.
 #[derive(Debug, Deserialize)]
 pub struct Reference {
-    /// Of `JSBSim`.
+    /// Version of `JSBSim`.
     pub version: String,
     /// Name of the aircraft there.
     pub model: String,
@@ -129,7 +129,7 @@ pub fn reference() -> Result<Reference, String> {
     PYTHON.run("reference.py", &arguments.map(|value| value.to_string()))
 }
 
-/// What a 100 Hz step of `JSBSim`'s c172x takes, s.
+/// Computing time of a 100 Hz step of `JSBSim`'s c172x, s.
 pub fn jsbsim_step_s() -> Result<f64, String> {
     PYTHON.run("cost.py", &[""; 0])
 }
@@ -143,13 +143,17 @@ pub fn ours() -> Vec<TrimRow> {
         .collect()
 }
 
-/// Our equations with `JSBSim`'s moments of inertia, pitch stiffness and pitch moment at zero angle
-/// of attack: what then remains is not a matter of these parameters.
-pub fn ours_with_its_numbers(reference: &Reference) -> Vec<TrimRow> {
-    reference.rows.iter().filter_map(with_its_numbers).collect()
+/// Our equations with `JSBSim`'s moments of inertia, pitch stiffness and pitch moment at zero angle of attack: the
+/// remaining differences are not due to these parameters.
+pub fn ours_with_jsbsim_parameters(reference: &Reference) -> Vec<TrimRow> {
+    reference
+        .rows
+        .iter()
+        .filter_map(with_jsbsim_parameters)
+        .collect()
 }
 
-fn with_its_numbers(row: &ReferenceRow) -> Option<TrimRow> {
+fn with_jsbsim_parameters(row: &ReferenceRow) -> Option<TrimRow> {
     let mut parameters = cessna172();
     parameters.mass.roll_inertia_kgm2 = row.roll_inertia_kgm2;
     parameters.mass.pitch_inertia_kgm2 = row.pitch_inertia_kgm2;
@@ -160,7 +164,7 @@ fn with_its_numbers(row: &ReferenceRow) -> Option<TrimRow> {
     trim_row(&Dynamics::new(&parameters), row.airspeed_mps, HEIGHT_M)
 }
 
-/// The comparison, with what is published of the same flights if wanted: column heads and cells.
+/// The comparison, optionally with published values: column heads and cells.
 ///
 /// # Panics
 /// If one of our rows lacks a mode.
@@ -197,7 +201,7 @@ pub fn table(
             [mine(&ours[speed]), its(&reference.rows[speed])]
         })
     });
-    let motions = MODE_ROWS.iter().map(|(name, digits, value)| {
+    let modes_rows = MODE_ROWS.iter().map(|(name, digits, value)| {
         row(name, *digits, &|speed| {
             [
                 value(&modes(&ours[speed])),
@@ -205,7 +209,7 @@ pub fn table(
             ]
         })
     });
-    (header, trims.chain(motions).collect())
+    (header, trims.chain(modes_rows).collect())
 }
 
 type TrimValue = (

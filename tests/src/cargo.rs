@@ -1,5 +1,5 @@
-//! Runs cargo for another target or another set of features than the tests themselves have, or with one
-//! piece of the core's code exchanged.
+//! Runs cargo for another target or with other features than the tests themselves, or with a modification of the
+//! core.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,13 +10,13 @@ pub fn repository() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// A cargo command in `directory` of the repository, building into a folder of its own so that it
-/// never waits for the cargo that runs the tests.
+/// A cargo command in `directory` of the repository, with its own target folder so that it never waits for the cargo
+/// that runs the tests.
 pub fn cargo(directory: &str, build_name: &str) -> Command {
     let mut command = Command::new(env!("CARGO"));
     command
         .current_dir(repository().join(directory))
-        // Flags of the tests' own build must not reach these.
+        // Flags of the tests' own build must not apply.
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env("CARGO_TARGET_DIR", build_folder(build_name));
@@ -38,7 +38,7 @@ pub fn build_folder(build_name: &str) -> PathBuf {
     target.join("other").join(build_name)
 }
 
-/// Runs `command`; the error is a sentence with what it printed.
+/// Runs `command`; the error contains its output.
 pub fn succeed(command: &mut Command) -> Result<(), String> {
     let output = command
         .output()
@@ -52,7 +52,7 @@ pub fn succeed(command: &mut Command) -> Result<(), String> {
     ))
 }
 
-/// Says what to do if the compiler lacks `target`.
+/// An error with instructions if the compiler lacks `target`.
 pub fn require_target(target: &str) -> Result<(), String> {
     let output = Command::new("rustc")
         .current_dir(repository())
@@ -68,7 +68,7 @@ pub fn require_target(target: &str) -> Result<(), String> {
     ))
 }
 
-/// Makes `command` of cargo build with a copy of `core/` in which `old` in `file` has become `new`.
+/// Makes a cargo `command` build with a copy of `core/` in which `old` in `file` is replaced by `new`.
 pub fn with_altered_core(
     command: &mut Command,
     name: &str,
@@ -79,14 +79,14 @@ pub fn with_altered_core(
     let explain = |error: std::io::Error| format!("{}: {error}", file.display());
     let text = fs::read_to_string(&file).map_err(explain)?;
     if text.matches(old).count() != 1 {
-        return Err(format!("{}: no single `{old}` to exchange", file.display()));
+        return Err(format!("{}: no single `{old}` to replace", file.display()));
     }
     fs::write(&file, text.replace(old, new)).map_err(explain)?;
     command.args(["--config", &format!("paths=[{:?}]", copy.display())]);
     Ok(())
 }
 
-/// With the workspace's manifest above it, which it inherits from.
+/// Includes the workspace's manifest, which it inherits from.
 fn copy_of_core(name: &str) -> std::io::Result<PathBuf> {
     let root = build_folder("altered").join(name);
     if root.exists() {

@@ -1,5 +1,5 @@
-//! Runs to navigate over: simulated ones that show everything soon, with their configurations, and
-//! recorded logs where they are at hand.
+//! Runs for tests: simulated ones with enough motion for all estimates, with their configurations, and recorded logs
+//! if available.
 
 use std::env;
 use std::io::Write as _;
@@ -14,8 +14,7 @@ use ins_core::Config;
 
 use crate::cargo::repository;
 
-/// A drive: rest, a minute where a gyrocompass wants it, then starts and turns with everything
-/// running.
+/// A drive: rest, a minute if needed for gyrocompassing, then starts and turns.
 pub fn drive(grade: Grade, minutes: f64) -> (Config, Log) {
     let rest_s = match grade {
         Grade::Mems => 12.0,
@@ -25,7 +24,7 @@ pub fn drive(grade: Grade, minutes: f64) -> (Config, Log) {
         initial_rest_s: Some([rest_s, rest_s + 1.0]),
         ..DriveConfig::new(3, grade, minutes)
     };
-    configured(simulate(&drive), &drive.recording, grade)
+    with_config(simulate(&drive), &drive.recording, grade)
 }
 
 /// A flight: climbs, turns and changes of speed in turbulence, heading given.
@@ -40,31 +39,31 @@ pub fn flight(minutes: f64) -> Result<(Config, Log), Box<dyn std::error::Error>>
         errors: ErrorModel::hg1700(),
     };
     let run = record(route.flight(3, recording.duration_s)?, &recording);
-    Ok(configured(run, &recording, Grade::Hg1700))
+    Ok(with_config(run, &recording, Grade::Hg1700))
 }
 
-fn configured(run: SimulatedDrive, recording: &Recording, class: Grade) -> (Config, Log) {
+fn with_config(run: SimulatedDrive, recording: &Recording, class: Grade) -> (Config, Log) {
     let log = run.into_log(BodyAxes::Rfu, recording.errors.imu.output);
     (configure::config(&log, class), log)
 }
 
-/// Folder of a recorded log, in that of `INS_LOGS` or in `../shared/data` beside the repository. Says
-/// so, past the test harness, if it is not there.
+/// Folder of a recorded log, in that of `INS_LOGS` or in `../shared/data` beside the repository. Prints a note, past
+/// the test harness, if it is missing.
 pub fn recorded_log(name: &str) -> Option<PathBuf> {
     let default = || repository().join("../shared/data");
     let folder = env::var_os("INS_LOGS").map_or_else(default, PathBuf::from);
-    at_hand(
+    if_available(
         folder.join(name),
         "; name the folder of recorded logs in INS_LOGS",
     )
 }
 
-/// A recording of another program, in `../shared/formats` beside the repository. Says so as well.
+/// A recording of another program, in `../shared/formats` beside the repository; likewise.
 pub fn recording(name: &str) -> Option<PathBuf> {
-    at_hand(repository().join("../shared/formats").join(name), "")
+    if_available(repository().join("../shared/formats").join(name), "")
 }
 
-fn at_hand(path: PathBuf, help: &str) -> Option<PathBuf> {
+fn if_available(path: PathBuf, help: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }

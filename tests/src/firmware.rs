@@ -1,4 +1,4 @@
-//! The firmware's images, built as its README says, and run.
+//! Builds the firmware's images as described in its README, and runs them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::cargo::{build_folder, cargo, require_target, succeed};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// More arguments to cargo: of the size of flash rather than of time.
+/// Additional arguments to cargo: optimization for size instead of speed.
 pub const FOR_SIZE: [&str; 2] = ["--config", "profile.release.opt-level='s'"];
 
 /// Builds a program of the firmware for a board.
@@ -28,10 +28,10 @@ pub fn peer_image(program: &str) -> Result<PathBuf, String> {
     image_with(Board::CortexM7, program, &manifest)
 }
 
-/// Images by their command: cargo is asked once for each.
+/// Images by their command: each is built once.
 static IMAGES: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
 
-/// Builds a program of the firmware with more arguments to cargo.
+/// Builds a program of the firmware with additional arguments to cargo.
 pub fn image_with(board: Board, program: &str, arguments: &[&str]) -> Result<PathBuf, String> {
     let mut images = IMAGES.lock().unwrap_or_else(PoisonError::into_inner);
     let mut command = build(board, program)?;
@@ -43,14 +43,14 @@ pub fn image_with(board: Board, program: &str, arguments: &[&str]) -> Result<Pat
     succeed(&mut command)?;
     let folder = build_folder(board.cargo_config());
     let built = folder.join(TARGET).join("release").join(program);
-    let image = set_aside(&built, &folder.join("images"), arguments)
+    let image = copy_image(&built, &folder.join("images"), arguments)
         .map_err(|error| format!("{}: {error}", built.display()))?;
     images.insert(key, image.clone());
     Ok(image)
 }
 
-/// Builds that differ in features have one name, and one may run while another is built.
-fn set_aside(built: &Path, folder: &Path, arguments: &[&str]) -> io::Result<PathBuf> {
+/// Copies an image: builds with different features have the same path, and one may run while another is built.
+fn copy_image(built: &Path, folder: &Path, arguments: &[&str]) -> io::Result<PathBuf> {
     let program = built.file_name().unwrap_or_default().to_string_lossy();
     let name = format!("{program}{}", arguments.concat()).replace('/', "_");
     fs::create_dir_all(folder)?;
@@ -71,7 +71,7 @@ pub fn build(board: Board, program: &str) -> Result<Command, String> {
     Ok(command)
 }
 
-/// An image on an emulated board, behind the debugger's console.
+/// A session with an image on an emulated board, over the debugger's console.
 pub fn session(board: Board, image: &Path, pace: Pace) -> Result<Session<Emulator>, HilError> {
     Session::open(Emulator::boot(board, image, Transport::Console, pace)?, 1)
 }
@@ -97,11 +97,11 @@ pub fn symbols(program: &Path) -> Result<Vec<String>, String> {
 
 fn inspect<T>(
     program: &Path,
-    look: impl FnOnce(&object::File) -> object::Result<T>,
+    read: impl FnOnce(&object::File) -> object::Result<T>,
 ) -> Result<T, String> {
     let explain = |error: &dyn std::fmt::Display| format!("{}: {error}", program.display());
     let bytes = fs::read(program).map_err(|error| explain(&error))?;
     object::File::parse(&*bytes)
-        .and_then(|file| look(&file))
+        .and_then(|file| read(&file))
         .map_err(|error| explain(&error))
 }

@@ -1,4 +1,4 @@
-//! What a navigator costs on a microcontroller, counted in the emulator.
+//! Cost of a navigator on a microcontroller, counted in the emulator.
 
 use std::path::Path;
 
@@ -16,13 +16,13 @@ use crate::firmware::{flash_bytes, image_with, peer_image, session};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// A minute of rest for the gyrocompass and three minutes of driving, of which the last two count.
-/// MEMS have found their heading by then, too.
+/// A minute of rest for gyrocompassing and three minutes of driving, of which the last two are counted. Heading is
+/// also known with MEMS by then.
 const REST_S: f64 = 62.0;
 const MINUTES: f64 = 4.0;
 const COUNTED_FROM_S: f64 = 120.0;
 
-/// What is aimed at on the Cortex-M7.
+/// Goals on the Cortex-M7.
 pub mod goal {
     /// Instructions per inertial sample with its share of fixes.
     pub const AMORTISED: u64 = 3000;
@@ -41,8 +41,8 @@ pub mod goal {
 pub struct Calls {
     count: u64,
     sum: u64,
-    refused: u64,
-    /// Of the longest call.
+    rejected: u64,
+    /// Instructions of the longest call.
     pub worst: u64,
 }
 
@@ -50,11 +50,11 @@ impl Calls {
     fn add(&mut self, instructions: u64, accepted: bool) {
         self.count += 1;
         self.sum += instructions;
-        self.refused += u64::from(!accepted);
+        self.rejected += u64::from(!accepted);
         self.worst = self.worst.max(instructions);
     }
 
-    /// Of a call on average.
+    /// Mean instructions of a call.
     pub fn mean(&self) -> u64 {
         self.sum / self.count
     }
@@ -71,7 +71,7 @@ pub struct Footprint {
     pub state_bytes: u64,
     /// Deepest stack of a call.
     pub stack_bytes: u64,
-    /// Code and constants of a program that calls it and does nothing else.
+    /// Code and constants of a program that only calls it.
     pub flash_bytes: u64,
 }
 
@@ -87,19 +87,19 @@ impl Footprint {
     }
 }
 
-/// Of `ins-core` with all that its preset for a class of sensors estimates: of ring lasers ten
-/// parameters, of MEMS all there are. Built with more arguments to cargo.
-pub fn ours(board: Board, class: Grade, built: &[&str]) -> Result<Footprint, Failure> {
+/// Footprint of `ins-core` with the parameters that its preset for a class of sensors estimates: ten for ring lasers,
+/// all for MEMS. `arguments` are additional arguments to cargo.
+pub fn ours(board: Board, class: Grade, arguments: &[&str]) -> Result<Footprint, Failure> {
     let (drive, config) = drive(class);
-    let only = image_with(board, "core_only", built)?;
-    let counting = [&["--features", "call-stack"], built].concat();
+    let only = image_with(board, "core_only", arguments)?;
+    let counting = [&["--features", "call-stack"], arguments].concat();
     let image = image_with(board, "console", &counting)?;
     let requests = requests(&drive.imu, &drive.gnss);
     measure(board, &image, &only, config, requests)
 }
 
-/// Of a program of `tests/peers` on the Cortex-M7. The peers are told what the core finds: the
-/// heading at the start, and by the stamps of the fixes the latency.
+/// Footprint of a program of `tests/peers` on the Cortex-M7. The peers are given what the core estimates: the initial
+/// heading, and the latency by corrected time stamps.
 pub fn peer(program: &str) -> Result<Footprint, Failure> {
     let (drive, config) = drive(Grade::Hg1700);
     let config = Config {
@@ -134,7 +134,7 @@ fn drive(class: Grade) -> (SimulatedDrive, Config) {
     (simulate(&drive), config)
 }
 
-/// Runs `image`; `only` is the program that does nothing but the calls.
+/// Runs `image`; `only` is the program with the calls alone.
 fn measure(
     board: Board,
     image: &Path,
@@ -150,18 +150,18 @@ fn measure(
         flash_bytes: flash_bytes(only)?,
         ..Footprint::default()
     };
-    let mut failure = Ok(());
+    let mut result = Ok(());
     let status = session.stream(requests, Rate::Max, |event| match event {
-        Event::Answer { request, reply, .. } if failure.is_ok() => {
-            failure = footprint.take(&request, reply.as_ref(), instructions_per_tick);
+        Event::Answer { request, reply, .. } if result.is_ok() => {
+            result = footprint.take(&request, reply.as_ref(), instructions_per_tick);
         }
         _ => {}
     })?;
-    failure?;
-    // A filter may find a fix in a hundred improbable.
+    result?;
+    // A filter may reject one fix in a hundred as improbable.
     let Footprint { samples, fixes, .. } = &footprint;
-    if samples.refused > 0 || fixes.refused * 100 > fixes.count {
-        return Err(format!("refused too much: {footprint:?}").into());
+    if samples.rejected > 0 || fixes.rejected * 100 > fixes.count {
+        return Err(format!("too many rejected: {footprint:?}").into());
     }
     footprint.stack_bytes = status.call_stack_bytes.into();
     Ok(footprint)
@@ -195,7 +195,7 @@ impl Footprint {
             return Ok(());
         }
         if phase != Phase::Navigating {
-            return Err("the navigator is not up when counting begins".into());
+            return Err("not navigating when counting begins".into());
         }
         calls.add(u64::from(ticks) * instructions_per_tick, accepted);
         Ok(())

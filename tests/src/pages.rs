@@ -1,5 +1,5 @@
-//! The pages with parts between markers, `<!-- begin: NAME -->` and `<!-- end: NAME -->`: the
-//! README and all of docs/.
+//! Pages with generated parts between markers `<!-- begin: NAME -->` and `<!-- end: NAME -->`: the README and all of
+//! docs/.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -33,8 +33,8 @@ impl Page {
         })
     }
 
-    /// Where a part begins and ends, markers left out.
-    fn place(&self, name: &str) -> Option<(usize, usize)> {
+    /// Start and end of a part, without its markers.
+    fn range(&self, name: &str) -> Option<(usize, usize)> {
         let begin = marker("begin", name);
         let from = self.text.find(&begin)? + begin.len();
         let length = self.text[from..].find(&marker("end", name))?;
@@ -56,10 +56,10 @@ impl Pages {
             .map(Self)
     }
 
-    /// The page that has a part, and where.
+    /// The page with a part, its start and end.
     fn find(&mut self, name: &str) -> Result<(&mut Page, usize, usize)> {
         let found = self.0.iter_mut().find_map(|page| {
-            let (from, to) = page.place(name)?;
+            let (from, to) = page.range(name)?;
             Some((page, from, to))
         });
         found.ok_or_else(|| {
@@ -77,7 +77,7 @@ impl Pages {
         self.find(name).map(drop)
     }
 
-    /// Another text for a part.
+    /// Replaces the text of a part.
     pub fn replace(&mut self, name: &str, text: &str) -> Result<()> {
         let (page, from, to) = self.find(name)?;
         let text = format!("\n{}\n", text.trim());
@@ -86,7 +86,7 @@ impl Pages {
         Ok(())
     }
 
-    /// Writes those that have changed.
+    /// Writes changed pages.
     pub fn write(&self) -> Result<()> {
         for page in self.0.iter().filter(|page| page.changed) {
             write(&page.path, &page.text)?;
@@ -99,7 +99,7 @@ fn marker(kind: &str, name: &str) -> String {
     format!("<!-- {kind}: {name} -->")
 }
 
-/// The Markdown tables among what a program has printed, an empty line between two.
+/// Markdown tables in a program's output, separated by empty lines.
 pub fn tables_of(text: &str, file: &Path) -> Result<String> {
     let lines: Vec<&str> = text
         .lines()
@@ -117,7 +117,7 @@ pub fn tables_of(text: &str, file: &Path) -> Result<String> {
     Ok(tables.join("\n\n"))
 }
 
-/// The first example of a crate's documentation, without what it hides from readers.
+/// The first example of a crate's documentation, without hidden lines.
 pub fn example(file: &Path) -> Result<String> {
     let text = fs::read_to_string(file).map_err(|e| miette!("{}: {e}", file.display()))?;
     let code: Vec<&str> = text

@@ -1,4 +1,4 @@
-//! `python-ins`' extended Kalman filter beside ours: an independent filter on the same log.
+//! `python-ins`' extended Kalman filter and ours on the same log.
 
 use host_sim::compare::kalman::{self, Filter, Noise, index};
 use host_sim::identify::configure;
@@ -17,7 +17,7 @@ static PYTHON: Environment = Environment::new("pyins", &["python-ins==1.0.1"], "
 /// Length of the drive; its first minute is at rest.
 const MINUTES: u32 = 10;
 
-/// Names of what is compared, in the order of [`Row::sigma`].
+/// Names of the compared quantities, in the order of [`Row::sigma`].
 pub const NAMES: [&str; 15] = [
     "position east, m",
     "position north, m",
@@ -39,18 +39,18 @@ pub const NAMES: [&str; 15] = [
 /// One value for each of [`NAMES`].
 pub type Values = SVector<f64, 15>;
 
-/// Where a filter stands just after a fix.
+/// State of a filter just after a fix.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// Stamp of the fix, s.
+    /// Time stamp of the fix, s.
     pub time_s: f64,
-    /// What it has found.
+    /// Estimated state.
     pub state: State,
     /// One sigma of its errors, in the order of [`NAMES`].
     pub sigma: Values,
 }
 
-/// What both filters estimate; body axes right-forward-up.
+/// State of both filters; body axes right-forward-up.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct State {
     /// Latitude and longitude, rad, and height, m.
@@ -64,21 +64,21 @@ pub struct State {
 /// Both filters at every full minute from the second on: ours, theirs.
 ///
 /// # Errors
-/// If `python-ins` cannot be had.
+/// If `python-ins` is not available.
 ///
 /// # Panics
-/// If our filter does not run, or theirs does not tell of every time.
+/// If our filter fails, or theirs does not return every time.
 pub fn both() -> Result<Vec<(Row, Row)>, String> {
     let (log, noise) = log();
     let times_s: Vec<f64> = (2..MINUTES).map(|minute| f64::from(60 * minute)).collect();
     let (start, ours) = ours(&log, &noise, &times_s);
-    let theirs = theirs(&log, &told(&start, &noise, &times_s))?;
+    let theirs = theirs(&log, &input_of_python_ins(&start, &noise, &times_s))?;
     assert_eq!(ours.len(), theirs.len());
     Ok(ours.into_iter().zip(theirs).collect())
 }
 
-/// A drive with everything that both filters know of: no latency, which `python-ins` does not
-/// model, the same position noise in all axes, biases that drift; few fixes, for it is slow.
+/// A drive with errors that both filters model: no latency, the same position noise in all axes, drifting biases;
+/// few fixes, as `python-ins` is slow.
 fn log() -> (Log, Noise) {
     let mut errors = ErrorModel::hg1700();
     errors.gnss.latency_s = [0.0; 2];
@@ -103,12 +103,12 @@ fn log() -> (Log, Noise) {
     };
     let mut noise = Noise::of_model(errors);
     noise.gnss.latency_sigma_s = 0.0;
-    // Theirs does not read its gyros at rest.
+    // Theirs does not use gyros at rest.
     noise.uses_zero_rate = false;
     (log, noise)
 }
 
-/// Our filter as it begins, and after the fixes of `times_s`.
+/// Our filter at its start, and after the fixes of `times_s`.
 fn ours(log: &Log, noise: &Noise, times_s: &[f64]) -> (Filter, Vec<Row>) {
     let config = configure::config(log, Grade::Hg1700);
     let imu = log.imu.all();
@@ -121,12 +121,12 @@ fn ours(log: &Log, noise: &Noise, times_s: &[f64]) -> (Filter, Vec<Row>) {
         }
     };
     let mut rows = Vec::new();
-    let mut keep = |filter: &Filter, _| {
+    let mut add_row = |filter: &Filter, _| {
         if times_s.contains(&filter.time.as_seconds()) {
             rows.push(Row::of(filter));
         }
     };
-    while run.step(&mut keep).is_some() {}
+    while run.step(&mut add_row).is_some() {}
     assert_eq!(rows.len(), times_s.len());
     (start, rows)
 }
@@ -138,9 +138,9 @@ fn theirs(log: &Log, start: &Value) -> Result<Vec<Row>, String> {
     PYTHON.run("reference.py", &[folder.path().as_os_str(), start.as_ref()])
 }
 
-/// Where `python-ins` begins, what it is told, and when to tell where it stands. It has one sigma for
-/// all axes of most errors; densities and spreads are as in [`Noise`].
-fn told(filter: &Filter, noise: &Noise, times_s: &[f64]) -> Value {
+/// Input of `python-ins`: initial state, noise, and output times. It has one sigma for all axes of most errors; noise
+/// parameters are as in [`Noise`].
+fn input_of_python_ins(filter: &Filter, noise: &Noise, times_s: &[f64]) -> Value {
     let sigmas = filter.sigmas();
     json!({
         "time_s": filter.time.as_seconds(),
@@ -198,7 +198,7 @@ impl Row {
         let state = State::of(filter);
         let mut sigma = Values::zeros();
         sigma.copy_from(&filter.sigmas().fixed_rows::<15>(0));
-        // Phi is in ENU: what of it is roll and pitch, on a road that is nearly level.
+        // Phi is in ENU: its components in roll and pitch, on a nearly level road.
         let (sin, cos) = state.roll_pitch_heading_rad.z.sin_cos();
         let phi = filter
             .covariance
@@ -213,7 +213,7 @@ impl Row {
         }
     }
 
-    /// What this filter finds minus what the other does.
+    /// State of this filter minus that of the other.
     pub fn minus(&self, other: &Self) -> Values {
         let (mine, its) = (&self.state, &other.state);
         let mut angles = mine.roll_pitch_heading_rad - its.roll_pitch_heading_rad;

@@ -1,4 +1,4 @@
-//! Python packages that serve as references, each in an environment made here once with `pip`.
+//! Python packages used as references, each in an environment created once with `pip`.
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -9,19 +9,19 @@ use serde::de::DeserializeOwned;
 
 use crate::cargo::{build_folder, repository, succeed};
 
-/// A Python that has the packages of a reference.
+/// A Python environment with the packages of a reference.
 #[derive(Debug)]
 pub struct Environment {
-    /// Folder of its scripts in `tests/`, and of its own among the builds.
+    /// Folder of its scripts in `tests/`, and of the environment among the builds.
     name: &'static str,
     packages: &'static [&'static str],
-    /// Names a Python that has the packages already.
+    /// Environment variable for a Python that has the packages already.
     variable: &'static str,
-    made: OnceLock<Result<PathBuf, String>>,
+    created: OnceLock<Result<PathBuf, String>>,
 }
 
 impl Environment {
-    /// Not made before it is used.
+    /// Created on first use.
     pub const fn new(
         name: &'static str,
         packages: &'static [&'static str],
@@ -31,7 +31,7 @@ impl Environment {
             name,
             packages,
             variable,
-            made: OnceLock::new(),
+            created: OnceLock::new(),
         }
     }
 
@@ -39,14 +39,14 @@ impl Environment {
         if let Some(python) = std::env::var_os(self.variable) {
             return Ok(python.into());
         }
-        // Tests run side by side: one makes it, the others wait.
-        self.made.get_or_init(|| self.make()).clone()
+        // Tests run in parallel: one creates it, the others wait.
+        self.created.get_or_init(|| self.make()).clone()
     }
 
     fn make(&self) -> Result<PathBuf, String> {
         let folder = build_folder(self.name);
         let python = folder.join("bin/python");
-        // An interrupted installation must not be taken for a whole one.
+        // An interrupted installation must not be used.
         let complete = folder.join("complete");
         if complete.exists() {
             return Ok(python);
@@ -69,7 +69,7 @@ impl Environment {
         Ok(python)
     }
 
-    /// What one of its scripts prints, read from JSON.
+    /// Output of one of its scripts, parsed from JSON.
     pub fn run<T: DeserializeOwned>(
         &self,
         script: &str,
@@ -93,13 +93,13 @@ impl Environment {
     }
 }
 
-/// A reference's answer; where it cannot be had, a failure in CI and a plain word elsewhere.
+/// A reference's result; if unavailable, a failure in CI and a note elsewhere.
 ///
 /// # Panics
 /// In CI, if there is none.
-pub fn answer<T>(name: &str, answer: Result<T, String>) -> Option<T> {
-    match answer {
-        Ok(answer) => Some(answer),
+pub fn require_in_ci<T>(name: &str, require_in_ci: Result<T, String>) -> Option<T> {
+    match require_in_ci {
+        Ok(require_in_ci) => Some(require_in_ci),
         Err(error) if std::env::var_os("CI").is_some() => panic!("{error}"),
         Err(error) => {
             eprintln!("NOT TESTED against {name}: {error}");

@@ -1,4 +1,4 @@
-//! What the running estimators reach on a few seeded drives: enough to see a broken one at once.
+//! Accuracy of the estimators on a few seeded drives.
 
 use host_sim::identify::run::{Identification, identify};
 use host_sim::log::{Grade, Log};
@@ -43,9 +43,9 @@ fn rms(runs: &[Run], minute: usize, which: usize) -> f64 {
     (sum / runs.len() as f64).sqrt()
 }
 
-/// `all` are the bounds of the chi-square distribution of all errors together, of probability
-/// 0.1 % below and above; `each` the upper one of a single quantity, 0.02 %, for there are eight.
-fn assert_honest(runs: &[Run], minute: usize, all: [f64; 2], each: f64) {
+/// `all`: bounds of the chi-square distribution of all errors, with a probability of 0.1 % below and above; `each`:
+/// upper bound of a single quantity, 0.02 %, as there are eight.
+fn assert_consistent(runs: &[Run], minute: usize, all: [f64; 2], each: f64) {
     assert!(runs.iter().all(|run| run.converged));
     let sums = chi_squares(runs, minute);
     for (sum, quantity) in sums.iter().zip(QUANTITIES) {
@@ -62,19 +62,19 @@ const EIGHT: ([f64; 2], f64) = ([34.0, 105.0], 30.0);
 const FOUR: ([f64; 2], f64) = ([11.5, 63.0], 22.0);
 
 #[test]
-fn ring_laser_drives_are_honest_and_do_not_get_worse() {
+fn ring_laser_drives_are_consistent_and_improve() {
     let runs = runs(Grade::Hg1700, 8, 40.0, &|_| {});
-    assert_honest(&runs, 20, EIGHT.0, EIGHT.1);
-    assert_honest(&runs, 40, EIGHT.0, EIGHT.1);
+    assert_consistent(&runs, 20, EIGHT.0, EIGHT.1);
+    assert_consistent(&runs, 40, EIGHT.0, EIGHT.1);
     let ratios: Vec<f64> = (0..8)
         .map(|which| rms(&runs, 40, which) / rms(&runs, 20, which))
         .collect();
-    // An RMS of eight errors is known to a quarter: the ratio of two, half dependent, to 0.3.
+    // An RMS of eight errors is accurate to a quarter, the ratio of two, half dependent, to 0.3.
     assert!(ratios.iter().all(|ratio| *ratio < 1.5), "{ratios:?}");
-    // A constant known by white noise: 0.7. The azimuth walks with its gyro.
+    // A constant with white noise: 0.7. The azimuth has a random walk due to its gyro.
     let mean = ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / 8.0;
     assert!(mean.exp() < 0.9, "{ratios:?}");
-    // Twice what is promised of 100 drives: 0.03 deg, 0.04 mg, 0.2 and 0.25 deg/h, 1 ms.
+    // Twice the documented RMS of 100 drives: 0.03 deg, 0.04 mg, 0.2 and 0.25 deg/h, 1 ms.
     let limits = [0.06, 0.08, 0.08, 0.01, 0.4, 0.4, 0.5, 2.0];
     for (which, limit) in limits.iter().enumerate() {
         let rms = rms(&runs, 40, which);
@@ -87,25 +87,25 @@ fn ring_laser_drives_are_honest_and_do_not_get_worse() {
 }
 
 #[test]
-fn an_unknown_heading_is_found_from_motion() {
+fn heading_is_found_from_motion() {
     let unknown = &|config: &mut Config| config.heading = HeadingSource::Motion;
     let runs = runs(Grade::Hg1700, 4, 20.0, unknown);
-    assert_honest(&runs, 20, FOUR.0, FOUR.1);
+    assert_consistent(&runs, 20, FOUR.0, FOUR.1);
 }
 
 /// Biases of 1080 deg/h that wander by 40, scale errors of 1.5 %, no heading given.
 #[test]
 fn consumer_sensors_converge_from_any_heading() {
     let runs = runs(Grade::Mems, 4, 20.0, &|_| {});
-    assert_honest(&runs, 20, FOUR.0, FOUR.1);
-    // Over many drives 0.16 deg and 8, 8 and 14 deg/h; four tell an RMS to 1.7 times.
+    assert_consistent(&runs, 20, FOUR.0, FOUR.1);
+    // Over many drives 0.16 deg and 8, 8 and 14 deg/h; an RMS of four is accurate to a factor of 1.7.
     assert!(rms(&runs, 20, 4) < 14.0 && rms(&runs, 20, 5) < 14.0 && rms(&runs, 20, 6) < 24.0);
     assert!(rms(&runs, 20, 0) < 0.3);
 }
 
-/// A receiver that knows when it is noisy, though not by how much: what it says is used.
+/// Stated sigmas that are correct up to a factor.
 #[test]
-fn fixes_that_are_said_to_be_noisy_count_for_less() {
+fn fixes_with_large_stated_sigmas_get_less_weight() {
     // Two fixes of three have 0.5 m/s of noise instead of 0.1; three times as much is stated.
     const STATED: [f64; 3] = [0.3, 1.5, 1.5];
     let (config, mut log) = drive(Grade::Hg1700, 15.0);
@@ -122,18 +122,18 @@ fn fixes_that_are_said_to_be_noisy_count_for_less() {
     for fix in &mut log.gnss {
         fix.sigma.velocity_mps = None;
     }
-    let silent = identify(&log, config, &ProgressBar::hidden()).unwrap();
+    let without_sigma = identify(&log, config, &ProgressBar::hidden()).unwrap();
     let latency = |found: &Identification| found.end.estimates.gnss_latency_s;
-    let (known, guessed) = (latency(&stated), latency(&silent));
-    println!("{known:?} {guessed:?}");
-    // Weights by variance against equal ones: sqrt((1 + 2 / 25) (1 + 2 * 25)) / 3 = 2.5 times
-    // less; that wild innovations count for less anyway takes some of it.
-    assert!(known.sigma < 0.6 * guessed.sigma, "{known:?} {guessed:?}");
+    let (known, unstated) = (latency(&stated), latency(&without_sigma));
+    println!("{known:?} {unstated:?}");
+    // Weights by variance instead of equal ones: sigmas smaller by sqrt((1 + 2 / 25) (1 + 2 * 25)) / 3 = 2.5;
+    // robust weights of large innovations reduce that.
+    assert!(known.sigma < 0.6 * unstated.sigma, "{known:?} {unstated:?}");
 }
 
-/// Each fix with the velocity of four fixes ago, 0.4 s late, and a position that is not.
+/// Velocities of four fixes earlier, 0.4 s late, with positions that are not.
 #[test]
-fn positions_that_are_not_as_late_as_velocities_are_told_apart() {
+fn delays_of_positions_and_velocities_are_separated() {
     const LATE_S: f64 = 0.4;
     let (config, mut log) = drive(Grade::Hg1700, 15.0);
     let delays = |log: &Log| {
@@ -150,100 +150,100 @@ fn positions_that_are_not_as_late_as_velocities_are_told_apart() {
     }
     let (late, early) = delays(&log);
     println!("{latency:?} {delay:?}, {late:?} {early:?}");
-    for (found, off_s) in [
+    for (found, error_s) in [
         (delay, delay.value),
         (early, early.value + LATE_S),
         (late, late.value - latency.value - LATE_S),
     ] {
         assert!(found.observability == Observability::Observable);
-        // What 0.05 m/s and 1.5 m show at 15 m/s in a quarter of an hour is good to some milliseconds.
+        // Noise of 0.05 m/s and 1.5 m at 15 m/s in a quarter of an hour: accurate to some milliseconds.
         assert!(found.sigma < 0.01, "{found:?}");
-        assert!(off_s.abs() < 3.5 * found.sigma, "{found:?}: {off_s}");
+        assert!(error_s.abs() < 3.5 * found.sigma, "{found:?}: {error_s}");
     }
 }
 
-/// Latency and lever arm at the end of a run of a kind, in sigmas, where they are observable.
-fn antenna_sigmas(kind: &str, class: Grade, seed: u64) -> Vec<f64> {
-    sigmas_off(kind, class, seed, |name, check| {
+/// Normalized errors of latency and lever arm at the end of a run of a kind, if observable.
+fn antenna_normalized_errors(kind: &str, class: Grade, seed: u64) -> Vec<f64> {
+    normalized_errors(kind, class, seed, |name, check| {
         check.observable && (name == "latency" || name.starts_with("lever arm"))
     })
 }
 
-/// By how many sigmas some quantities are off at the end of a run of a kind.
-fn sigmas_off(
+/// Normalized errors of some quantities at the end of a run of a kind.
+fn normalized_errors(
     kind: &str,
     class: Grade,
     seed: u64,
-    some: impl Fn(&str, &conditions::Check) -> bool,
+    select: impl Fn(&str, &conditions::Check) -> bool,
 ) -> Vec<f64> {
     let kind = conditions::all().find(|known| known.name == kind);
     let run = Trial::default()
         .run(kind.expect("a kind"), class, seed)
         .core;
     let named =
-        |check: &&conditions::Check| some(conditions::QUANTITIES[check.quantity].name, check);
+        |check: &&conditions::Check| select(conditions::QUANTITIES[check.quantity].name, check);
     let checks = run.checks.iter().filter(named);
     checks
         .filter_map(|check| Some(check.error / check.sigma?))
         .collect()
 }
 
-/// Velocities made of positions that wander lean the platform with these: it went to and fro with what was
-/// held against it, and showed an upward arm, 3 sigmas off in the mean of any dozen runs.
+/// Velocities from differences of positions with correlated noise tilt the platform with that noise. The tilt was
+/// correlated with the innovations and caused an error of the upward arm, 3 sigmas in the mean of twelve runs.
 #[test]
-fn a_platform_that_leans_shows_no_arm() {
+fn platform_tilt_causes_no_lever_arm_error() {
     let arm = |seed| {
-        sigmas_off("differences", Grade::Mems, seed, |name, _| {
+        normalized_errors("differences", Grade::Mems, seed, |name, _| {
             name == "lever arm z"
         })
     };
     let sigmas: Vec<f64> = (0..12).flat_map(arm).collect();
     let mean = sigmas.iter().sum::<f64>() / sigmas.len() as f64;
     println!("{mean} sigmas: {sigmas:.1?}");
-    // Of twelve it is good to three tenths; three of these, and what the leaning leaves.
+    // The mean of twelve is accurate to 0.3; three times that, and a remaining effect of the tilt.
     assert!(sigmas.len() == 12 && mean.abs() < 1.5, "{mean}");
 }
 
-/// A platform that GNSS holds leans as that errs, and felt gravity then goes with the next error: taken for
-/// the vehicle's motion, it draws the latency of one that hardly moves to one side, by two sigmas.
+/// GNSS noise tilts the platform, and the gravity component is correlated with the next error. Treated as vehicle
+/// acceleration, it biased the latency of slow vehicles by two sigmas.
 #[test]
-fn correlated_noise_draws_no_latency_to_one_side() {
-    let latency = |seed| antenna_sigmas("furrows", Grade::Hg1700, seed).pop();
+fn correlated_noise_does_not_bias_the_latency() {
+    let latency = |seed| antenna_normalized_errors("furrows", Grade::Hg1700, seed).pop();
     let sigmas: Vec<f64> = (0..16).filter_map(latency).collect();
     let mean = sigmas.iter().sum::<f64>() / sigmas.len() as f64;
     println!("{mean} sigmas: {sigmas:?}");
     assert!(sigmas.len() > 12);
-    // The mean of sixteen is good to a quarter, and what the noise of the tilt itself draws is a half.
+    // The mean of sixteen is accurate to a quarter; the noise of the tilt itself causes a half.
     assert!(mean.abs() < 1.25, "{mean}");
 }
 
-/// On a mast metres high the arm swings faster than noise, to where the vehicle points and not the INS: taken
-/// for the same, latency and arm made up for the azimuth in every fourth run, by 4 to 9 sigmas.
+/// On a mast the antenna velocity exceeds the noise, and is in true body axes, not in those of the INS. Without that
+/// distinction, latency and arm compensated the azimuth error in every fourth run, by 4 to 9 sigmas.
 #[test]
-fn an_antenna_that_swings_does_not_hide_the_azimuth() {
-    let off = |seed: &u64| {
-        let sigmas = antenna_sigmas("mast", Grade::Mems, *seed);
+fn a_swinging_antenna_does_not_bias_the_azimuth() {
+    let has_large_error = |seed: &u64| {
+        let sigmas = antenna_normalized_errors("mast", Grade::Mems, *seed);
         println!("{seed}: {sigmas:.1?}");
         sigmas.iter().any(|sigmas| sigmas.abs() > 3.5)
     };
-    // One in twenty finds a wave's half period instead of the latency.
-    assert!((0..24).filter(off).count() <= 2);
+    // One in twenty converges to half a wave period instead of the latency.
+    assert!((0..24).filter(has_large_error).count() <= 2);
 }
 
-/// Nothing of these scenarios, every number of which is drawn, is called wrong and sure.
-fn assert_not_misled(scenarios: &[(Grade, u64)]) {
+/// Asserts that no estimate of these randomly drawn scenarios is wrong and sure.
+fn assert_none_wrong_and_sure(scenarios: &[(Grade, u64)]) {
     for (class, seed) in scenarios {
-        let sigmas = sigmas_off("anything", *class, *seed, |_, check| check.observable);
+        let sigmas = normalized_errors("anything", *class, *seed, |_, check| check.observable);
         println!("{seed}: {sigmas:.1?}");
         assert!(sigmas.iter().all(|sigmas| sigmas.abs() < 4.5), "{sigmas:?}");
     }
 }
 
-/// Of boats at anchor heights do not tell which way a vertical velocity counts, accelerometers do: without them
-/// latency and arms were 9 to 49 sigmas off on each of these four.
+/// For boats at anchor the sign of vertical velocity cannot be determined from heights, but from accelerometers:
+/// without them errors of latency and arm were 9 to 49 sigmas in each of these four.
 #[test]
-fn a_vertical_velocity_that_counts_down_does_not_mislead_a_boat() {
-    assert_not_misled(&[
+fn downward_vertical_velocity_on_a_boat_causes_no_error() {
+    assert_none_wrong_and_sure(&[
         (Grade::Hg1700, 1),
         (Grade::Hg1700, 187),
         (Grade::Hg1700, 227),
@@ -251,29 +251,29 @@ fn a_vertical_velocity_that_counts_down_does_not_mislead_a_boat() {
     ]);
 }
 
-/// The sign of a slow climb that is not known yet is that of all fixes, and none of their noise: taken for noise,
-/// ten climbs with the wrong one made height, vertical velocity or arm of these three 5 to 6 sigmas off.
+/// The error of a sign that is still unknown in a slow climb is common to all fixes. Treated as noise, ten fixes with
+/// the wrong sign caused errors of 5 to 6 sigmas in height, vertical velocity or arm of these three.
 #[test]
-fn a_sign_that_is_not_known_is_that_of_all_fixes() {
-    assert_not_misled(&[
+fn an_unknown_velocity_sign_is_common_to_all_fixes() {
+    assert_none_wrong_and_sure(&[
         (Grade::Hg1700, 5),
         (Grade::Hg1700, 1094),
         (Grade::Mems, 287),
     ]);
 }
 
-/// A receiver that smooths over half a second or a whole one, where most do over a tenth, is learnt of in steps:
-/// what was learnt before each of them had left an arm of these two 5 to 9 sigmas off.
+/// Smoothing over 0.5 to 1 s, instead of 0.1 s as usual, is learnt in steps: fixes used before each step caused
+/// errors of the arm of 5 to 9 sigmas in these two.
 #[test]
-fn a_receiver_that_smooths_for_long_leaves_no_arm() {
-    assert_not_misled(&[(Grade::Mems, 63), (Grade::Mems, 160)]);
+fn long_smoothing_causes_no_lever_arm_error() {
+    assert_none_wrong_and_sure(&[(Grade::Mems, 63), (Grade::Mems, 160)]);
 }
 
-/// An arm upward swings a quadrotor's antenna as a smoothing of its darts would, and a tangent to what is smoothed
-/// away of them is twice too steep: arms of these four took its place, by 6 to 12 sigmas.
+/// On a quadrotor an upward arm has the same effect as smoothing of fast manoeuvres, and the linearized smoothing was
+/// too large by a factor of two: errors of the arm of 6 to 12 sigmas in these four.
 #[test]
-fn a_receiver_that_smooths_what_swings_leaves_no_arm() {
-    assert_not_misled(&[
+fn smoothing_of_fast_motion_causes_no_lever_arm_error() {
+    assert_none_wrong_and_sure(&[
         (Grade::Mems, 202),
         (Grade::Mems, 318),
         (Grade::Mems, 332),

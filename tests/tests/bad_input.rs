@@ -1,4 +1,4 @@
-//! Garbage of every kind between good samples: nothing panics, nothing is poisoned.
+//! Invalid input between valid samples: no panic and no lasting effect.
 
 use std::sync::LazyLock;
 
@@ -28,8 +28,8 @@ enum Answer {
 }
 
 impl Answer {
-    /// Whether the documentation promises that nothing at all has changed.
-    fn promises_no_change(self) -> bool {
+    /// Whether the documentation guarantees an unchanged state.
+    fn guarantees_no_change(self) -> bool {
         !matches!(
             self,
             Self::Imu(
@@ -42,7 +42,7 @@ impl Answer {
     }
 }
 
-fn feed(navigator: &mut Navigator, event: &Event) -> Answer {
+fn handle(navigator: &mut Navigator, event: &Event) -> Answer {
     match event {
         Event::Imu(sample) => Answer::Imu(navigator.on_imu(sample)),
         Event::Gnss(fix) => Answer::Gnss(navigator.on_gnss(fix)),
@@ -53,12 +53,12 @@ fn feed(navigator: &mut Navigator, event: &Event) -> Answer {
 static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
     let mut config = DriveConfig::new(3, Grade::Hg1700, 5.0);
     config.initial_rest_s = Some([20.0, 20.0]);
-    // Any reading within the range of the sensors passes for a rate; few do for an increment.
+    // Any reading within the range of the sensors is accepted as a rate, but few as an increment.
     config.recording.errors.imu.output = ImuOutput::Rates;
     config.recording.truth_every = 1;
     simulate(&config)
 });
-/// By stamp.
+/// In order of time stamps.
 static EVENTS: LazyLock<Vec<Event>> = LazyLock::new(|| {
     let events = run::in_order_of_time(&DRIVE.imu, &DRIVE.gnss);
     let owned = |event| match event {
@@ -100,9 +100,9 @@ fn given(estimate: Estimate) -> bool {
     estimate.observability == Observability::Given
 }
 
-/// Finite everywhere: a state with a NaN anywhere is not equal to itself.
+/// All numbers are finite; a state with a NaN is not equal to itself.
 #[allow(clippy::eq_op)]
-fn assert_sound(navigator: &Navigator) {
+fn assert_valid(navigator: &Navigator) {
     assert!(navigator == navigator, "a NaN in the state");
     for estimate in all(&navigator.estimates()) {
         assert!(estimate.value.is_finite(), "{estimate:?}");
@@ -139,7 +139,7 @@ fn truth_at(time: Time) -> &'static Solution {
     &DRIVE.truth[after - 1]
 }
 
-/// Errors in position, velocity and heading against the truth of the moment.
+/// Errors in position, velocity and heading.
 fn errors(navigator: &Navigator) -> Option<[f64; 3]> {
     let solution = navigator.solution()?;
     let truth = truth_at(solution.time);
@@ -150,9 +150,9 @@ fn errors(navigator: &Navigator) -> Option<[f64; 3]> {
     ])
 }
 
-/// Numbers that could be true, or numbers of every kind.
-fn number(absurd: bool, credible: f64) -> BoxedStrategy<f64> {
-    if !absurd {
+/// Credible numbers, or numbers of any kind.
+fn number(any_number: bool, credible: f64) -> BoxedStrategy<f64> {
+    if !any_number {
         return (-credible..credible).boxed();
     }
     prop_oneof![
@@ -168,12 +168,12 @@ fn number(absurd: bool, credible: f64) -> BoxedStrategy<f64> {
     .boxed()
 }
 
-fn three(absurd: bool, credible: f64) -> impl Strategy<Value = Vector3<f64>> {
-    let number = || number(absurd, credible);
+fn three(any_number: bool, credible: f64) -> impl Strategy<Value = Vector3<f64>> {
+    let number = || number(any_number, credible);
     [number(), number(), number()].prop_map(Vector3::from)
 }
 
-/// Any stamp at all, or microseconds about the present.
+/// Any time stamp, or microseconds relative to the current time.
 #[derive(Clone, Copy, Debug)]
 enum Stamp {
     Any(i64),
@@ -189,19 +189,20 @@ fn stamp() -> impl Strategy<Value = Stamp> {
     ]
 }
 
-fn garbage() -> impl Strategy<Value = (Stamp, Event)> {
+fn invalid_input() -> impl Strategy<Value = (Stamp, Event)> {
     (
         stamp(),
-        any::<bool>().prop_flat_map(|absurd| prop_oneof![bad_sample(absurd), bad_fix(absurd)]),
+        any::<bool>()
+            .prop_flat_map(|any_number| prop_oneof![bad_sample(any_number), bad_fix(any_number)]),
     )
 }
 
-/// Larger ones are for `turns_of_radians_across_holes_poison_nothing`.
-const BELIEVED_RADPS: f64 = 1.0;
+/// Larger ones are in `large_rates_across_gaps_have_no_lasting_effect`.
+const CREDIBLE_RADPS: f64 = 1.0;
 
-/// Stamped later.
-fn bad_sample(absurd: bool) -> impl Strategy<Value = Event> {
-    (three(absurd, BELIEVED_RADPS), three(absurd, 300.0)).prop_map(|(gyro, accel)| {
+/// The time stamp is set later.
+fn bad_sample(any_number: bool) -> impl Strategy<Value = Event> {
+    (three(any_number, CREDIBLE_RADPS), three(any_number, 300.0)).prop_map(|(gyro, accel)| {
         Event::Imu(ImuSample {
             time: Time::default(),
             gyro,
@@ -210,9 +211,9 @@ fn bad_sample(absurd: bool) -> impl Strategy<Value = Event> {
     })
 }
 
-/// Stamped later.
-fn bad_fix(absurd: bool) -> impl Strategy<Value = Event> {
-    let number = |credible| number(absurd, credible);
+/// The time stamp is set later.
+fn bad_fix(any_number: bool) -> impl Strategy<Value = Event> {
+    let number = |credible| number(any_number, credible);
     let position = (number(1.5), number(3.1)).prop_map(|(lat, lon)| LatLon {
         latitude_rad: lat,
         longitude_rad: lon,
@@ -260,49 +261,49 @@ fn time_of(event: &Event) -> Time {
     }
 }
 
-/// Feeds the drive with garbage put in at places of it, parts of 10 000; returns the answers to the
-/// garbage. Every answer is checked against what it promises.
-fn drive_with(navigator: &mut Navigator, garbage: &[(usize, Stamp, Event)]) -> Vec<Answer> {
-    let mut places: Vec<(usize, Stamp, Event)> = garbage
+/// Runs the drive with invalid input inserted at fractions of it, in 1/10 000; returns and checks the answers to
+/// that input.
+fn run_with(navigator: &mut Navigator, invalid_input: &[(usize, Stamp, Event)]) -> Vec<Answer> {
+    let mut insertions: Vec<(usize, Stamp, Event)> = invalid_input
         .iter()
         .map(|(part, stamp, event)| (part * EVENTS.len() / 10_000, *stamp, *event))
         .collect();
-    places.sort_by_key(|(place, ..)| *place);
-    let mut waiting = places.iter().peekable();
+    insertions.sort_by_key(|(insertion, ..)| *insertion);
+    let mut waiting = insertions.iter().peekable();
     let mut answers = Vec::new();
     for (k, event) in EVENTS.iter().enumerate() {
-        while let Some((_, stamp, bad)) = waiting.next_if(|(place, ..)| *place <= k) {
+        while let Some((_, stamp, bad)) = waiting.next_if(|(insertion, ..)| *insertion <= k) {
             let bad = stamped(*stamp, bad, time_of(event));
             let before = navigator.clone();
-            let answer = feed(navigator, &bad);
-            if answer.promises_no_change() {
+            let answer = handle(navigator, &bad);
+            if answer.guarantees_no_change() {
                 assert!(*navigator == before, "{answer:?} changed the state");
             }
-            let astray = matches!(
+            let is_time_jump = matches!(
                 answer,
                 Answer::Imu(ImuOutcome::Gap | ImuOutcome::TimeNotIncreasing)
             );
-            if astray && navigator.phase() == before.phase() {
+            if is_time_jump && navigator.phase() == before.phase() {
                 assert_eq!(navigator.solution(), before.solution());
                 assert_eq!(navigator.estimates(), before.estimates());
             }
-            assert_sound(navigator);
+            assert_valid(navigator);
             answers.push(answer);
         }
-        let _ = feed(navigator, event);
+        let _ = handle(navigator, event);
     }
-    assert_sound(navigator);
+    assert_valid(navigator);
     answers
 }
 
 static CLEAN: LazyLock<Navigator> = LazyLock::new(|| {
     let mut navigator = navigator();
-    drive_with(&mut navigator, &[]);
+    run_with(&mut navigator, &[]);
     navigator
 });
 
 #[test]
-fn the_drive_without_garbage_is_navigated_well() {
+fn accuracy_without_invalid_input() {
     let [position, velocity, heading] = errors(&CLEAN).unwrap();
     println!("{position} m, {velocity} m/s, {heading} rad");
     assert!(position < 3.0 && velocity < 0.2 && heading < 0.01);
@@ -311,57 +312,56 @@ fn the_drive_without_garbage_is_navigated_well() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// What is refused leaves no trace at all, whatever else happens between.
+    /// Rejected input leaves the state unchanged.
     #[test]
-    fn garbage_is_answered_and_leaves_a_sound_state(
-        bad in prop::collection::vec((0..7_000_usize, garbage()), 1..40),
+    fn invalid_input_leaves_a_valid_state(
+        bad in prop::collection::vec((0..7_000_usize, invalid_input()), 1..40),
     ) {
         let bad: Vec<_> = bad.into_iter().map(|(part, (stamp, event))| (part, stamp, event)).collect();
         let mut navigator = navigator();
-        // The very first stamp sets the clock; that is another test's business.
-        let answers = drive_with(&mut navigator, &bad);
-        if answers.iter().all(|answer| answer.promises_no_change()) {
-            prop_assert!(navigator == *CLEAN, "a refusal left a trace");
+        // The first time stamp sets the clock, which has its own test.
+        let answers = run_with(&mut navigator, &bad);
+        if answers.iter().all(|answer| answer.guarantees_no_change()) {
+            prop_assert!(navigator == *CLEAN, "rejected input changed the state");
         }
         prop_assert_eq!(navigator.phase(), Phase::Navigating);
         // Ninety seconds of good data later.
         let [_, velocity, heading] = errors(&navigator).unwrap();
-        let felt = |answer: &Answer| matches!(answer, Answer::Imu(ImuOutcome::Accepted | ImuOutcome::Bridged));
-        // A reading that could be true is believed: 17 rad/s turn the INS by a radian in a hole of
-        // three samples. What GNSS alone says wrongly of the velocity is gone after ninety seconds of good
-        // fixes; for what it says of the position see below.
-        if !answers.iter().any(felt) {
+        let affects_ins = |answer: &Answer| matches!(answer, Answer::Imu(ImuOutcome::Accepted | ImuOutcome::Bridged));
+        // Credible readings are used: 17 rad/s rotate the INS by a radian in a gap of three samples. Wrong GNSS
+        // velocities have no effect after ninety seconds of good fixes; for positions see below.
+        if !answers.iter().any(affects_ins) {
             prop_assert!(velocity < 0.3 && heading < 0.05, "{velocity} m/s, {heading} rad after {answers:?}");
         }
     }
 }
 
-/// Feeds the drive with `bad` put in at `at_s`; the navigator `later_s` after that.
+/// Runs the drive with `bad` inserted at `at_s`; answers, and the navigator `later_s` after that.
 fn after(bad: &[Event], at_s: f64, later_s: f64) -> (Vec<Answer>, Navigator) {
     let mut navigator = navigator();
     let mut answers = Vec::new();
     for event in EVENTS.iter() {
         let since_s = time_of(event).as_seconds() - at_s;
         if since_s >= 0.0 && answers.is_empty() {
-            answers.extend(bad.iter().map(|bad| feed(&mut navigator, bad)));
+            answers.extend(bad.iter().map(|bad| handle(&mut navigator, bad)));
         }
         if since_s >= later_s {
             break;
         }
-        let _ = feed(&mut navigator, event);
-        assert_sound(&navigator);
+        let _ = handle(&mut navigator, event);
+        assert_valid(&navigator);
     }
     (answers, navigator)
 }
 
 /// Well before the end, in motion.
-const PLACE_S: f64 = 100.0;
+const INSERTED_S: f64 = 100.0;
 
-/// A good fix halfway between two of the drive's, so that both are taken too.
+/// A good fix halfway between two of the drive, which are accepted too.
 fn good_fix() -> GnssFix {
     let after = DRIVE
         .gnss
-        .partition_point(|fix| fix.time.as_seconds() < PLACE_S);
+        .partition_point(|fix| fix.time.as_seconds() < INSERTED_S);
     let fix = DRIVE.gnss[after];
     GnssFix {
         time: fix.time.plus_seconds(-0.05),
@@ -369,7 +369,7 @@ fn good_fix() -> GnssFix {
     }
 }
 
-/// As without anything bad: 0.4 m, 0.1 m/s and 0.01 rad are reached at any time of the drive.
+/// As without invalid input: errors are below 0.4 m, 0.1 m/s and 0.01 rad at any time of the drive.
 fn assert_near_truth(navigator: &Navigator) {
     let [position, velocity, heading] = errors(navigator).unwrap();
     assert!(
@@ -378,9 +378,9 @@ fn assert_near_truth(navigator: &Navigator) {
     );
 }
 
-/// What a receiver without a fix is fond of.
+/// As from a receiver without a fix.
 #[test]
-fn one_fix_on_null_island_is_forgotten() {
+fn one_fix_at_zero_coordinates_has_no_lasting_effect() {
     let with_velocity = good_fix().at(&Geodetic::default());
     let alone = GnssFix {
         velocity_en_mps: None,
@@ -388,38 +388,38 @@ fn one_fix_on_null_island_is_forgotten() {
         ..with_velocity
     };
     for fix in [alone, with_velocity] {
-        let (_, navigator) = after(&[Event::Gnss(fix)], PLACE_S, 5.0);
+        let (_, navigator) = after(&[Event::Gnss(fix)], INSERTED_S, 5.0);
         assert_near_truth(&navigator);
     }
 }
 
 #[test]
-fn one_wild_vertical_velocity_is_forgotten() {
+fn one_wrong_vertical_velocity_has_no_lasting_effect() {
     let fix = GnssFix {
         velocity_up_mps: Some(2_900.0),
         ..good_fix()
     };
-    let (_, navigator) = after(&[Event::Gnss(fix)], PLACE_S, 5.0);
+    let (_, navigator) = after(&[Event::Gnss(fix)], INSERTED_S, 5.0);
     assert_near_truth(&navigator);
 }
 
 #[test]
-fn one_wild_horizontal_velocity_is_refused() {
+fn one_wrong_horizontal_velocity_is_rejected() {
     let good = good_fix();
     let fix = GnssFix {
         velocity_en_mps: good.velocity_en_mps.map(|v| v + Vector2::new(60.0, -40.0)),
-        // What is good of it would be taken.
+        // Valid components would be accepted.
         position: None,
         height_m: None,
         velocity_up_mps: None,
         ..good
     };
-    let (answers, navigator) = after(&[Event::Gnss(fix)], PLACE_S, 1.0);
-    // Latency is known by then, so the moment has to be waited for no longer than a fix.
+    let (answers, navigator) = after(&[Event::Gnss(fix)], INSERTED_S, 1.0);
+    // Latency is known by then, so the fix is compared before the next one.
     assert!(
         matches!(
             answers[0],
-            // Its position is as good as any: only the velocity is refused.
+            // Only the velocity is rejected.
             Answer::Gnss(GnssOutcome::Outlier | GnssOutcome::Queued | GnssOutcome::Accepted)
         ),
         "{answers:?}"
@@ -428,11 +428,11 @@ fn one_wild_horizontal_velocity_is_refused() {
 }
 
 #[test]
-fn fixes_of_the_future_fill_the_queue_and_no_more() {
+fn fixes_ahead_of_time_are_limited_by_the_queue() {
     let ahead: Vec<Event> = (0..20)
         .map(|k| {
             let good = good_fix();
-            // To the last bit the same, they would be refused for that.
+            // Identical velocities would be rejected as repeated.
             let noise = Vector2::new(1e-3, 0.0) * f64::from(k);
             Event::Gnss(GnssFix {
                 time: good.time.plus_seconds(0.3 + 0.03 * f64::from(k)),
@@ -441,10 +441,10 @@ fn fixes_of_the_future_fill_the_queue_and_no_more() {
             })
         })
         .collect();
-    let (answers, navigator) = after(&ahead, PLACE_S, 10.0);
+    let (answers, navigator) = after(&ahead, INSERTED_S, 10.0);
     let queued = Answer::Gnss(GnssOutcome::Queued);
     let full = Answer::Gnss(GnssOutcome::TooFarAhead);
-    // A second's worth, ten a second.
+    // A second of fixes at 10 Hz.
     assert_eq!(answers[..10], [queued; 10]);
     assert!(
         answers[10..].iter().all(|answer| *answer == full),
@@ -453,110 +453,110 @@ fn fixes_of_the_future_fill_the_queue_and_no_more() {
     assert_near_truth(&navigator);
 }
 
-/// A stuck receiver gives all of the last fix again, one that coasts its velocity. At rest many a
-/// receiver says zero, which is true.
+/// A stuck receiver repeats the last fix, a coasting one the last velocity. At rest many receivers repeat zero,
+/// which is valid.
 #[test]
-fn what_is_repeated_in_motion_is_refused() {
+fn repeated_fixes_in_motion_are_rejected() {
     let repeated = |fix: GnssFix| {
         let at = |seconds: f64| GnssFix {
             time: fix.time.plus_seconds(seconds),
             ..fix
         };
         let coasted = GnssFix {
-            position: at(0.04).position.map(|place| LatLon {
-                latitude_rad: place.latitude_rad + 1e-6,
-                ..place
+            position: at(0.04).position.map(|insertion| LatLon {
+                latitude_rad: insertion.latitude_rad + 1e-6,
+                ..insertion
             }),
             ..at(0.04)
         };
         [fix, at(0.02), coasted].map(Event::Gnss)
     };
-    let (answers, navigator) = after(&repeated(good_fix()), PLACE_S, 5.0);
-    let refused = Answer::Gnss(GnssOutcome::Repeated);
-    assert_ne!(answers[0], refused);
-    assert_eq!(answers[1..], [refused; 2]);
-    // The drive's own that comes next is the one that `good_fix` is made of.
+    let (answers, navigator) = after(&repeated(good_fix()), INSERTED_S, 5.0);
+    let rejected = Answer::Gnss(GnssOutcome::Repeated);
+    assert_ne!(answers[0], rejected);
+    assert_eq!(answers[1..], [rejected; 2]);
+    // The next fix of the drive equals `good_fix`, so it is a repetition too.
     assert_eq!(navigator.health().fixes.repeated, 3);
     assert_near_truth(&navigator);
 
-    let held = GnssFix {
+    let stationary = GnssFix {
         velocity_en_mps: Some(Vector2::zeros()),
         ..good_fix()
     };
-    let (answers, _) = after(&repeated(held), PLACE_S, 1.0);
-    assert!(!answers.contains(&refused), "{answers:?}");
+    let (answers, _) = after(&repeated(stationary), INSERTED_S, 1.0);
+    assert!(!answers.contains(&rejected), "{answers:?}");
 }
 
 /// A reading within the range, 20 g upwards for one sample.
 #[test]
-fn one_knock_is_forgotten() {
-    let knock = Event::Imu(ImuSample {
-        time: Time::default().plus_seconds(PLACE_S - 0.005),
+fn one_shock_has_no_lasting_effect() {
+    let shock = Event::Imu(ImuSample {
+        time: Time::default().plus_seconds(INSERTED_S - 0.005),
         gyro: Vector3::zeros(),
         accel: Vector3::new(0.0, 0.0, 200.0),
     });
-    let (answers, navigator) = after(&[knock], PLACE_S, 20.0);
+    let (answers, navigator) = after(&[shock], INSERTED_S, 20.0);
     assert_eq!(answers, [Answer::Imu(ImuOutcome::Accepted)]);
     assert_near_truth(&navigator);
 }
 
-/// A reading within the range at the end of a hole: bridged with it, it would be radians of heading.
+/// A reading within the range at the end of a gap: bridging with it would cause radians of heading error.
 #[test]
-fn a_hole_is_not_bridged_with_a_wild_reading() {
-    let lie = Event::Imu(ImuSample {
-        time: Time::default().plus_seconds(PLACE_S + 0.4),
+fn a_gap_is_not_bridged_with_an_implausible_reading() {
+    let wrong = Event::Imu(ImuSample {
+        time: Time::default().plus_seconds(INSERTED_S + 0.4),
         gyro: Vector3::new(5.0, -3.0, 17.0),
         accel: Vector3::new(0.0, 0.0, 9.8),
     });
-    let (answers, navigator) = after(&[lie], PLACE_S, f64::INFINITY);
+    let (answers, navigator) = after(&[wrong], INSERTED_S, f64::INFINITY);
     assert_eq!(answers, [Answer::Imu(ImuOutcome::Gap)]);
-    assert_arrived(&navigator);
+    assert_accurate_at_end(&navigator);
 }
 
-/// The drive with all stamps from [`PLACE_S`] on moved.
-fn with_clock_moved(by_s: f64) -> Navigator {
+/// The drive with all time stamps from [`INSERTED_S`] on shifted.
+fn with_clock_shifted(by_s: f64) -> Navigator {
     let mut navigator = navigator();
     for event in EVENTS.iter() {
         let time = time_of(event);
-        let moved = if time.as_seconds() < PLACE_S {
+        let shifted = if time.as_seconds() < INSERTED_S {
             time
         } else {
             time.plus_seconds(by_s)
         };
-        let _ = feed(
+        let _ = handle(
             &mut navigator,
-            &stamped(Stamp::Any(moved.as_micros()), event, moved),
+            &stamped(Stamp::Any(shifted.as_micros()), event, shifted),
         );
     }
-    assert_sound(&navigator);
+    assert_valid(&navigator);
     navigator
 }
 
-fn assert_arrived(navigator: &Navigator) {
+fn assert_accurate_at_end(navigator: &Navigator) {
     let truth = DRIVE.truth.last().unwrap();
     let solution = navigator.solution().expect("navigating");
     let velocity = (solution.velocity_enu_mps - truth.velocity_enu_mps).norm();
     let position = solution.position.enu_from(&truth.position).norm();
     let attitude = solution.attitude.angle_to(&truth.attitude);
-    // Noise of positions is taken to last for a minute: a few of them after a new start tell less.
-    let spread = navigator.sigma().expect("exact").position_m.norm();
+    // Position noise is correlated over a minute, so a few fixes after a restart are less accurate.
+    let sigma = navigator.sigma().expect("exact").position_m.norm();
     assert!(
-        position < 3.0 * spread && velocity < 0.2 && attitude < 0.02,
-        "{position} m of {spread}, {velocity} m/s, {attitude} rad"
+        position < 3.0 * sigma && velocity < 0.2 && attitude < 0.02,
+        "{position} m of {sigma}, {velocity} m/s, {attitude} rad"
     );
 }
 
 #[test]
-fn a_clock_set_forward_is_followed() {
+fn a_clock_set_forward_is_handled() {
     for by_s in [0.7, 3.0, 3_600.0, 1e9] {
-        assert_arrived(&with_clock_moved(by_s));
+        assert_accurate_at_end(&with_clock_shifted(by_s));
     }
 }
 
 #[test]
-fn a_clock_set_back_is_followed() {
+fn a_clock_set_back_is_handled() {
     for by_s in [-3.0, -3_600.0, -1e9] {
-        assert_arrived(&with_clock_moved(by_s));
+        assert_accurate_at_end(&with_clock_shifted(by_s));
     }
 }
 
@@ -564,8 +564,8 @@ fn at(seconds: f64) -> Time {
     Time::default().plus_seconds(seconds)
 }
 
-/// A reading of rest with a stamp that is none of the drive's.
-fn stray(time: Time) -> Event {
+/// A reading at rest with a time stamp outside the drive.
+fn stray_sample(time: Time) -> Event {
     Event::Imu(ImuSample {
         time,
         gyro: Vector3::zeros(),
@@ -574,80 +574,81 @@ fn stray(time: Time) -> Event {
 }
 
 #[test]
-fn a_stray_first_stamp_does_not_stop_the_clock() {
+fn a_wrong_first_time_stamp_does_not_block() {
     for micros in [i64::MAX, 3_600_000_000] {
         let mut navigator = navigator();
-        let _ = feed(&mut navigator, &stray(Time::from_micros(micros)));
-        drive_with(&mut navigator, &[]);
-        assert_arrived(&navigator);
+        let _ = handle(&mut navigator, &stray_sample(Time::from_micros(micros)));
+        run_with(&mut navigator, &[]);
+        assert_accurate_at_end(&navigator);
     }
 }
 
 #[test]
-fn two_stray_stamps_in_step_do_not_stop_the_clock() {
-    let bad = [1_000.0, 1_000.01].map(|ahead_s| stray(at(PLACE_S + ahead_s)));
-    let (_, navigator) = after(&bad, PLACE_S, f64::INFINITY);
-    assert_arrived(&navigator);
+fn two_consistent_wrong_time_stamps_do_not_block() {
+    let bad = [1_000.0, 1_000.01].map(|ahead_s| stray_sample(at(INSERTED_S + ahead_s)));
+    let (_, navigator) = after(&bad, INSERTED_S, f64::INFINITY);
+    assert_accurate_at_end(&navigator);
 }
 
 #[test]
-fn one_stray_stamp_does_not_stop_the_clock() {
+fn one_wrong_time_stamp_does_not_block() {
     for ahead_s in [0.7, 1_000.0, 9e12] {
-        let (answers, navigator) = after(&[stray(at(PLACE_S + ahead_s))], PLACE_S, 1.0);
+        let (answers, navigator) =
+            after(&[stray_sample(at(INSERTED_S + ahead_s))], INSERTED_S, 1.0);
         assert_eq!(answers, [Answer::Imu(ImuOutcome::Gap)]);
         assert_near_truth(&navigator);
     }
 }
 
 #[test]
-fn a_long_hole_is_a_new_start_that_keeps_what_was_learnt() {
+fn a_long_gap_causes_a_restart_that_keeps_estimates() {
     let mut navigator = navigator();
-    let mut learnt = None;
+    let mut before_gap = None;
     for event in EVENTS.iter() {
         let time_s = time_of(event).as_seconds();
         if (150.0..158.0).contains(&time_s) {
-            let known = learnt.get_or_insert_with(|| navigator.estimates());
+            let known = before_gap.get_or_insert_with(|| navigator.estimates());
             assert_eq!(known.gyro_bias_radps, navigator.estimates().gyro_bias_radps);
             continue;
         }
-        let _ = feed(&mut navigator, event);
+        let _ = handle(&mut navigator, event);
         if (158.1..158.2).contains(&time_s) {
             assert_eq!(navigator.phase(), Phase::FindingHeading);
-            // What is left of the INS, until it is aligned anew.
+            // The stopgap solution until realignment.
             assert!(navigator.solution().is_some());
             assert!(navigator.sigma().unwrap().attitude_rad.z > 0.5);
             let now = navigator.estimates().gyro_bias_radps;
-            let kept = learnt
+            let pairs = before_gap
                 .iter()
                 .flat_map(|known| known.gyro_bias_radps.iter().zip(&now));
-            for (before, after) in kept {
+            for (before, after) in pairs {
                 assert!((before.value - after.value).abs() < 1e-15);
             }
         }
     }
-    assert!(learnt.is_some());
-    assert_arrived(&navigator);
+    assert!(before_gap.is_some());
+    assert_accurate_at_end(&navigator);
 }
 
 #[test]
-fn a_snapshot_goes_on_bit_by_bit() {
+fn a_clone_continues_bit_for_bit() {
     let half = EVENTS.len() / 2;
     let mut navigator = navigator();
     for event in &EVENTS[..half] {
-        let _ = feed(&mut navigator, event);
+        let _ = handle(&mut navigator, event);
     }
     let mut snapshot = navigator.clone();
     for event in &EVENTS[half..] {
-        assert_eq!(feed(&mut navigator, event), feed(&mut snapshot, event));
+        assert_eq!(handle(&mut navigator, event), handle(&mut snapshot, event));
     }
     assert!(navigator == snapshot);
     assert!(navigator == *CLEAN);
 }
 
-/// Readings within the range that would turn by radians if holes were bridged with them: more than
-/// a series of a small rotation would bear.
+/// Readings within the range that would rotate by radians if gaps were bridged with them, beyond the validity of
+/// small-angle series.
 #[test]
-fn turns_of_radians_across_holes_poison_nothing() {
+fn large_rates_across_gaps_have_no_lasting_effect() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
         let mut navigator = Navigator::new(Config {
             imu_output: output,
@@ -665,7 +666,7 @@ fn turns_of_radians_across_holes_poison_nothing() {
         };
         let start = *DRIVE.gnss.first().unwrap();
         let mut time = start.time;
-        let mut go = |navigator: &mut Navigator, seconds: f64| {
+        let mut run_at_rest = |navigator: &mut Navigator, seconds: f64| {
             let end = time.plus_seconds(seconds);
             while time < end {
                 time = time.plus_seconds(0.01);
@@ -680,18 +681,18 @@ fn turns_of_radians_across_holes_poison_nothing() {
             }
             time
         };
-        let now = go(&mut navigator, 30.0);
+        let now = run_at_rest(&mut navigator, 30.0);
         assert_eq!(navigator.phase(), Phase::Navigating);
         for k in [1.0, 2.0] {
-            let lie = ImuSample {
+            let wrong = ImuSample {
                 time: now.plus_seconds(0.45 * k),
                 gyro: unit(Vector3::repeat(17.9)),
                 accel: unit(Vector3::repeat(360.0)),
             };
-            assert_eq!(navigator.on_imu(&lie), ImuOutcome::Gap);
+            assert_eq!(navigator.on_imu(&wrong), ImuOutcome::Gap);
         }
-        assert_sound(&navigator);
-        go(&mut navigator, 60.0);
-        assert_sound(&navigator);
+        assert_valid(&navigator);
+        run_at_rest(&mut navigator, 60.0);
+        assert_valid(&navigator);
     }
 }

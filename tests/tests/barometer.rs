@@ -1,4 +1,4 @@
-//! A barometer holds the vertical while no fix tells it.
+//! Barometer aiding of the vertical channel without GNSS.
 
 use std::sync::LazyLock;
 
@@ -19,15 +19,15 @@ const OUTAGE_S: std::ops::Range<f64> = 360.0..540.0;
 static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
     let mut config = DriveConfig::new(5, Grade::Mems, END_S / 60.0).recording;
     config.errors.barometer = Some(BarometerModel::ON_BOARD);
-    let way = RouteBounds {
+    let route = RouteBounds {
         steep: 2.0,
         ..RouteBounds::ROAD
     };
-    record(Car::on_route(config.seed, END_S, &way), &config)
+    record(Car::on_route(config.seed, END_S, &route), &config)
 });
 
-/// Fixes that come so late, none in the outage, and heights as they are read; `each` sees the navigator
-/// beside the truth, and what became of a height.
+/// Runs the drive with late fixes, none in the outage, and heights modified by `read`; `each` gets the navigator, the
+/// true height, and the outcome of a barometer height.
 fn drive(
     late_s: f64,
     read: impl Fn(&BaroHeight) -> Option<BaroHeight>,
@@ -66,24 +66,24 @@ fn after_outage(read: impl Fn(&BaroHeight) -> Option<BaroHeight>) -> (f64, f64) 
 }
 
 #[test]
-fn it_holds_the_height_through_an_outage() {
+fn barometer_bounds_the_height_error_in_an_outage() {
     let (error_m, sigma_m) = after_outage(|_| None);
     assert!(error_m.abs() < 3.0 * sigma_m, "{error_m} of {sigma_m}");
-    let (held_m, held_sigma_m) = after_outage(|height| Some(*height));
-    println!("alone {error_m} of {sigma_m}, held {held_m} of {held_sigma_m}");
-    // Of a barometer whose zero is off by 60 m and more.
+    let (aided_m, aided_sigma_m) = after_outage(|height| Some(*height));
+    println!("unaided {error_m} of {sigma_m}, aided {aided_m} of {aided_sigma_m}");
+    // With a barometer offset of 60 m and more.
     assert!(
-        held_m.abs() < 3.0 * held_sigma_m,
-        "{held_m} of {held_sigma_m}"
+        aided_m.abs() < 3.0 * aided_sigma_m,
+        "{aided_m} of {aided_sigma_m}"
     );
     assert!(
-        held_sigma_m < 10.0 && held_sigma_m < 0.3 * sigma_m,
-        "{held_sigma_m} of {sigma_m}"
+        aided_sigma_m < 10.0 && aided_sigma_m < 0.3 * sigma_m,
+        "{aided_sigma_m} of {sigma_m}"
     );
 }
 
 #[test]
-fn one_that_is_stuck_holds_nothing() {
+fn a_stuck_barometer_is_not_used() {
     let stuck = |height: &BaroHeight| {
         Some(BaroHeight {
             height_m: 432.1,
@@ -94,15 +94,15 @@ fn one_that_is_stuck_holds_nothing() {
     drive(0.0, stuck, |_, _, _, outcome| outcomes.extend(outcome));
     let repeated = |outcome: &&GnssOutcome| **outcome == GnssOutcome::Repeated;
     let part = outcomes.iter().filter(repeated).count() as f64 / outcomes.len() as f64;
-    // One in two seconds to three is told.
+    // A repetition is detected every two to three seconds.
     assert!(part > 0.2, "{part}");
     assert_eq!(after_outage(stuck), after_outage(|_| None));
 }
 
-/// The moment of a climb lies a second back.
+/// Barometric climbs refer to a second in the past.
 #[test]
-fn it_does_not_lock_out_a_late_receiver() {
-    let mut back_s = None;
+fn late_fixes_are_accepted_beside_a_barometer() {
+    let mut resumed_s = None;
     let navigator = drive(
         0.9,
         |height| Some(*height),
@@ -111,14 +111,17 @@ fn it_does_not_lock_out_a_late_receiver() {
             let fresh = fix.is_some_and(|fix| {
                 fix.time.as_seconds() > OUTAGE_S.end && fix.outcome == GnssOutcome::Accepted
             });
-            if fresh && back_s.is_none() {
-                back_s = Some(time.as_seconds() - OUTAGE_S.end);
+            if fresh && resumed_s.is_none() {
+                resumed_s = Some(time.as_seconds() - OUTAGE_S.end);
             }
         },
     );
-    // Late by 0.9 s, compared with the next but one, which is a third of a second later.
-    assert!(back_s.is_some_and(|back_s| back_s < 2.0), "{back_s:?}");
-    // A climb is no fix.
+    // Late by 0.9 s, and compared with the next but one, a third of a second later.
+    assert!(
+        resumed_s.is_some_and(|resumed_s| resumed_s < 2.0),
+        "{resumed_s:?}"
+    );
+    // A barometric climb is not counted as a fix.
     let fixes = DRIVE
         .gnss
         .iter()
@@ -127,7 +130,7 @@ fn it_does_not_lock_out_a_late_receiver() {
 }
 
 #[test]
-fn a_height_that_cannot_be_is_refused() {
+fn invalid_heights_are_rejected() {
     let time = |seconds| Time::from_seconds(seconds).unwrap();
     let good = BaroHeight {
         time: time(END_S),
@@ -138,7 +141,7 @@ fn a_height_that_cannot_be_is_refused() {
     assert_eq!(fresh.on_baro(&good), GnssOutcome::NoInertialData);
     let before = drive(0.0, |_| None, |_, _, _, _| ());
     assert_eq!(before.phase(), Phase::Navigating);
-    let refusals = [
+    let cases = [
         (
             BaroHeight {
                 height_m: f64::NAN,
@@ -182,7 +185,7 @@ fn a_height_that_cannot_be_is_refused() {
             GnssOutcome::TooFarAhead,
         ),
     ];
-    for (height, outcome) in refusals {
+    for (height, outcome) in cases {
         let mut navigator = before.clone();
         assert_eq!(navigator.on_baro(&height), outcome, "{height:?}");
         assert!(navigator == before, "{height:?}");
@@ -192,17 +195,16 @@ fn a_height_that_cannot_be_is_refused() {
     assert_eq!(navigator.on_baro(&good), GnssOutcome::TimeNotIncreasing);
 }
 
-/// A quadrotor's own, with two minutes without fixes, begun anew every 20 s: what stands in its log is read
-/// in centimetres.
+/// A quadrotor's barometer with a resolution of a centimetre, and outages of two minutes from every 20 s on.
 #[test]
-fn a_recorded_one_holds_the_height() {
+fn a_recorded_barometer_bounds_the_height_error() {
     let Some(path) = recording("arducopter_3.1_joey1.bin") else {
         return;
     };
     let (log, _) = import::open(&path).unwrap();
     assert!(log.baro.len() > 3000, "{}", log.baro.len());
     let config = configure::config(&log, Grade::Mems);
-    // Error and sigma at the end, for each start; how high it is the receiver says, to some metres.
+    // Error and sigma at the end, for each start; the reference is the receiver, accurate to some metres.
     let after = |heights: &[BaroHeight], start_s: f64| {
         let out = log.start().plus_seconds(start_s);
         let end = out.plus_seconds(120.0);
@@ -233,18 +235,18 @@ fn a_recorded_one_holds_the_height() {
         (square / errors.len() as f64).sqrt()
     };
     let starts = [60.0, 80.0, 100.0, 120.0, 140.0, 160.0, 180.0, 200.0];
-    let alone = starts.map(|start_s| after(&[], start_s));
-    let held = starts.map(|start_s| after(&log.baro, start_s));
+    let unaided = starts.map(|start_s| after(&[], start_s));
+    let aided = starts.map(|start_s| after(&log.baro, start_s));
     println!(
-        "alone {:.1} m, held {:.1} m: {held:.1?}",
-        rms(&alone),
-        rms(&held)
+        "unaided {:.1} m, aided {:.1} m: {aided:.1?}",
+        rms(&unaided),
+        rms(&aided)
     );
-    assert!(rms(&alone) > 50.0, "{alone:?}");
-    assert!(rms(&held) < 10.0, "{held:?}");
-    // Two are one in twenty, and the receiver's own metres are in it.
+    assert!(rms(&unaided) > 50.0, "{unaided:?}");
+    assert!(rms(&aided) < 10.0, "{aided:?}");
+    // Two sigmas are exceeded by one in twenty, and errors of the receiver add.
     assert!(
-        held.iter().all(|(error, sigma)| error.abs() < 2.5 * sigma),
-        "{held:?}"
+        aided.iter().all(|(error, sigma)| error.abs() < 2.5 * sigma),
+        "{aided:?}"
     );
 }

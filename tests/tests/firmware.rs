@@ -1,4 +1,4 @@
-//! The firmware on emulated processors computes what the host computes, bit for bit.
+//! Results of the firmware on emulated processors equal those of the host, bit for bit.
 
 use std::io::{Read, Write};
 use std::path::Path;
@@ -18,13 +18,17 @@ use ins_tests::firmware::{FOR_SIZE, image, image_with, session};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Every solution, every estimate and every damping signal after every sample and fix; the run
-/// must have had enough of everything to show something.
-fn every_bit(board: Board, case: &(Config, Log)) -> Result<(), Failure> {
-    every_bit_of(&image(board, "console")?, board, case)
+/// Compares every solution, estimate and damping signal after every sample and fix; the run must contain enough of
+/// each.
+fn assert_bits_equal(board: Board, case: &(Config, Log)) -> Result<(), Failure> {
+    assert_bits_equal_of(&image(board, "console")?, board, case)
 }
 
-fn every_bit_of(image: &Path, board: Board, (config, log): &(Config, Log)) -> Result<(), Failure> {
+fn assert_bits_equal_of(
+    image: &Path,
+    board: Board,
+    (config, log): &(Config, Log),
+) -> Result<(), Failure> {
     let mut session = session(board, image, Pace::Fast)?;
     session.start(*config, ESTIMATES_EVERY)?;
     let mut bench = Bench::new(*config)?;
@@ -58,35 +62,35 @@ fn report(reply: &Reply) -> Option<&Report> {
 
 #[test]
 fn a_drive_on_cortex_m7() -> Result<(), Failure> {
-    every_bit(Board::CortexM7, &drive(Grade::Hg1700, 10.0))
+    assert_bits_equal(Board::CortexM7, &drive(Grade::Hg1700, 10.0))
 }
 
-/// Such an image takes more of the stack, which nothing guards.
+/// Such an image uses more stack, which is not guarded.
 #[test]
 fn a_drive_of_an_image_built_for_size() -> Result<(), Failure> {
     let board = Board::CortexM7;
     let image = image_with(board, "console", &FOR_SIZE)?;
-    every_bit_of(&image, board, &drive(Grade::Hg1700, 10.0))
+    assert_bits_equal_of(&image, board, &drive(Grade::Hg1700, 10.0))
 }
 
 #[test]
 fn a_drive_with_poor_sensors_on_cortex_m7() -> Result<(), Failure> {
-    every_bit(Board::CortexM7, &drive(Grade::Mems, 10.0))
+    assert_bits_equal(Board::CortexM7, &drive(Grade::Mems, 10.0))
 }
 
 #[test]
 fn a_drive_on_cortex_m4() -> Result<(), Failure> {
-    every_bit(Board::CortexM4, &drive(Grade::Hg1700, 4.0))
+    assert_bits_equal(Board::CortexM4, &drive(Grade::Hg1700, 4.0))
 }
 
 #[test]
 fn a_flight_on_cortex_m7() -> Result<(), Failure> {
-    every_bit(Board::CortexM7, &flight(10.0)?)
+    assert_bits_equal(Board::CortexM7, &flight(10.0)?)
 }
 
 #[test]
 fn a_flight_on_cortex_m4() -> Result<(), Failure> {
-    every_bit(Board::CortexM4, &flight(4.0)?)
+    assert_bits_equal(Board::CortexM4, &flight(4.0)?)
 }
 
 #[test]
@@ -96,13 +100,13 @@ fn a_recorded_drive_on_both() -> Result<(), Failure> {
     };
     let input = Input::read(&folder, None, &ProgressBar::hidden()).map_err(|e| e.to_string())?;
     let input = (input.config, input.log);
-    every_bit(Board::CortexM7, &input)?;
-    every_bit(Board::CortexM4, &input)
+    assert_bits_equal(Board::CortexM7, &input)?;
+    assert_bits_equal(Board::CortexM4, &input)
 }
 
-/// Far more requests at once than the board's queue holds, the last one broken off.
+/// Far more requests at once than the board's queue holds, the last one incomplete.
 #[test]
-fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
+fn queue_overflow_is_counted_and_logged() -> Result<(), Failure> {
     const REQUESTS: u32 = 3_000;
     let image = image(Board::CortexM7, "ins-firmware")?;
     let mut emulator = Emulator::boot(Board::CortexM7, &image, Transport::Uart, Pace::Fast)?;
@@ -117,7 +121,7 @@ fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
     let mut decoder = Decoder::new();
     let (mut replies, mut latest, mut log) = (0, None, 0);
     for sequence in REQUESTS + 1..2 * REQUESTS {
-        // Asked now and then until one of these is answered, and the log has come, in its own time.
+        // Repeated until one of these is answered and the log was received.
         emulator.write_all(&frame(sequence, &Request::Status))?;
         std::thread::sleep(Duration::from_millis(10));
         let mut buffer = vec![0; 65_536];
@@ -138,7 +142,7 @@ fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
     let Some((sequence, Reply::Status(status))) = latest else {
         return Err("no status".into());
     };
-    // The broken one took the next with it, whatever else was lost.
+    // The incomplete frame also corrupts the next one.
     assert!(
         status.link.corrupt >= 1 && status.link.skipped >= 1,
         "{status:?}"
@@ -150,8 +154,8 @@ fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
     );
     assert_eq!(
         replies, status.link.accepted,
-        "the board answers what it takes"
+        "the board replies to every accepted request"
     );
-    assert!(log > 0, "and says that something was lost");
+    assert!(log > 0, "the loss is logged");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Choices of the configuration: open or closed, exact or literal; and what it refuses.
+//! Configuration: open or closed feedback, exact or literal form, and rejected values.
 
 use host_sim::identify::run::in_order_of_time;
 use host_sim::log::Grade;
@@ -27,16 +27,16 @@ fn damped(drive: &SimulatedDrive, tune: &dyn Fn(&mut Config)) -> Vec<(Mechanizat
 }
 
 #[test]
-fn open_estimates_leave_the_damped_ins_alone() {
+fn without_feedback_estimates_do_not_affect_the_ins() {
     let drive = simulate(&DriveConfig::new(1, Grade::Hg1700, 6.0));
     let open = |config: &mut Config| config.feedback = Feedback::Open;
-    let alone = damped(&drive, &open);
-    // Another form, and other beliefs of the sensors: other estimates, the same INS.
+    let reference = damped(&drive, &open);
+    // Another form, and other configured sensor errors: other estimates, the same INS.
     let literal = damped(&drive, &|config| {
         open(config);
         config.form = Form::Literal;
     });
-    let doubtful = damped(&drive, &|config| {
+    let other_sigmas = damped(&drive, &|config| {
         open(config);
         config.sensors.gyro_bias_radps *= 10.0;
         config.sensors.accel_bias_mps2 *= 3.0;
@@ -44,19 +44,24 @@ fn open_estimates_leave_the_damped_ins_alone() {
     });
     let closed = damped(&drive, &|_| {});
     let ins = |seen: &[(Mechanization, Estimates)]| seen.iter().map(|s| s.0).collect::<Vec<_>>();
-    assert!(alone.len() > 200);
-    assert!(ins(&alone) == ins(&literal), "the form is felt");
+    assert!(reference.len() > 200);
+    assert!(ins(&reference) == ins(&literal), "the form affects the INS");
     let differ = |a: &(Mechanization, Estimates), b: &(Mechanization, Estimates)| {
         (a.0.velocity_enu_mps - b.0.velocity_enu_mps).norm() > 1e-6
     };
-    assert!(!alone.iter().zip(&doubtful).any(|(a, b)| differ(a, b)));
-    assert!(ins(&alone) != ins(&closed));
-    assert_ne!(alone.last().unwrap().1, doubtful.last().unwrap().1);
-    assert_ne!(alone.last().unwrap().1, literal.last().unwrap().1);
+    assert!(
+        !reference
+            .iter()
+            .zip(&other_sigmas)
+            .any(|(a, b)| differ(a, b))
+    );
+    assert!(ins(&reference) != ins(&closed));
+    assert_ne!(reference.last().unwrap().1, other_sigmas.last().unwrap().1);
+    assert_ne!(reference.last().unwrap().1, literal.last().unwrap().1);
 }
 
 #[test]
-fn the_literal_form_works_and_the_exact_one_is_better() {
+fn literal_form_converges_and_exact_form_is_better() {
     let of = |form| -> Results {
         let study = Study {
             form: Some(form),
@@ -81,7 +86,7 @@ fn the_literal_form_works_and_the_exact_one_is_better() {
 }
 
 #[test]
-fn a_configuration_survives_being_stored() {
+fn configuration_round_trips() {
     let mut config = Config::mems();
     config.heading = HeadingSource::Given(1.25);
     config.form = Form::Literal;
@@ -92,7 +97,7 @@ fn a_configuration_survives_being_stored() {
     }
 }
 
-/// Paths of all numbers in a tree.
+/// Paths of all numbers in a JSON tree.
 fn numbers(tree: &Value, path: &str, found: &mut Vec<String>) {
     match tree {
         Value::Number(_) => found.push(path.to_owned()),
@@ -106,7 +111,7 @@ fn numbers(tree: &Value, path: &str, found: &mut Vec<String>) {
 }
 
 #[test]
-fn no_number_may_be_negative() {
+fn negative_numbers_are_rejected() {
     let tree = serde_json::to_value(Config::hg1700()).unwrap();
     let mut paths = Vec::new();
     numbers(&tree, "", &mut paths);
@@ -115,7 +120,7 @@ fn no_number_may_be_negative() {
         let mut bad = tree.clone();
         *bad.pointer_mut(&path).unwrap() = Value::from(-1.0);
         let config: Config = serde_json::from_value(bad).unwrap();
-        let why = Navigator::new(config).expect_err(&path).to_string();
+        let error = Navigator::new(config).expect_err(&path).to_string();
         // The message names the part of the configuration.
         let part = path
             .trim_start_matches('/')
@@ -123,12 +128,12 @@ fn no_number_may_be_negative() {
             .take(2)
             .collect::<Vec<_>>()
             .join(".");
-        assert!(why.starts_with(&part), "{path}: {why}");
+        assert!(error.starts_with(&part), "{path}: {error}");
     }
 }
 
 #[test]
-fn no_number_may_be_nan() {
+fn non_finite_numbers_are_rejected() {
     let nan = f64::NAN;
     let tune: [fn(&mut Config, f64); 5] = [
         |c, v| c.damping.horizontal.bandwidth_radps = v,

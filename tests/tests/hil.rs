@@ -1,6 +1,5 @@
-//! `host-sim hil` from the command line to its files: on a pseudo-terminal with a simulated board
-//! at its other end, with the firmware in an emulator there, and on the emulator directly; and boards
-//! as the algorithm under test of `rehearse`.
+//! Command `hil`: with a simulated board on a pseudo-terminal, with the firmware in an emulator there, and with
+//! the emulator directly; and boards as algorithm under test of `rehearse`.
 #![cfg(unix)]
 
 use std::fs::{self, File, OpenOptions};
@@ -24,11 +23,11 @@ use tempfile::TempDir;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// What `identify` writes, and `hil` too. The link carries no spreads of the solution, so the report
+/// Files written by both `identify` and `hil`. The link does not transmit sigmas of the solution, so the report
 /// has fewer curves.
 const FILES: [&str; 3] = ["summary.json", "estimates.csv", "solution.csv"];
 
-/// Runs the program; the error is what it says.
+/// Runs a command; the error is its message.
 fn host_sim(arguments: &[&str]) -> Result<(), String> {
     let all = ["host-sim"].iter().chain(arguments);
     let cli = Cli::try_parse_from(all).map_err(|error| error.to_string())?;
@@ -38,7 +37,7 @@ fn host_sim(arguments: &[&str]) -> Result<(), String> {
     })
 }
 
-/// A folder with the log of a drive that starts soon.
+/// A folder with the log of a drive with a short rest.
 fn with_log(minutes: f64) -> Result<(TempDir, String), Failure> {
     let home = tempfile::tempdir()?;
     let folder = home.path().join("log");
@@ -53,8 +52,8 @@ fn path(home: &TempDir, name: &str) -> String {
     home.path().join(name).display().to_string()
 }
 
-/// What `hil` wrote is what `identify` writes.
-fn same_files(home: &TempDir, log: &str) -> Result<(), Failure> {
+/// Asserts that `hil` and `identify` write the same files.
+fn assert_same_files(home: &TempDir, log: &str) -> Result<(), Failure> {
     host_sim(&["identify", log, "--out", &path(home, "identified")])?;
     for name in FILES {
         let read = |folder| fs::read(home.path().join(folder).join(name));
@@ -72,22 +71,22 @@ fn hil_json(home: &TempDir) -> Result<Value, Failure> {
 
 // --- a simulated board ---
 
-/// A pseudo-terminal: its near end, and the name of its far one.
+/// A pseudo-terminal: its controlling end, and the name of the other.
 fn terminal() -> Result<(File, String), Failure> {
-    let near = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
-    grantpt(&near)?;
-    unlockpt(&near)?;
-    let name = ptsname(&near, Vec::new())?.into_string()?;
-    Ok((near.into(), name))
+    let pty = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+    grantpt(&pty)?;
+    unlockpt(&pty)?;
+    let name = ptsname(&pty, Vec::new())?.into_string()?;
+    Ok((pty.into(), name))
 }
 
-/// Answers as the firmware does, at the near end of a terminal; `spoil` may change the answer to
-/// the sample or fix of a number, or drop it.
-fn serve(mut line: File, spoil: impl Fn(usize, Reply) -> Option<Reply>) {
+/// Replies like the firmware, at the controlling end of a terminal; `modify` may change or drop the reply to the
+/// sample or fix of a number.
+fn serve(mut line: File, modify: impl Fn(usize, Reply) -> Option<Reply>) {
     let (mut decoder, mut responder) = (Decoder::new(), None);
-    let (mut answered, mut sequence) = (0, 0);
+    let (mut count, mut sequence) = (0, 0);
     let mut buffer = [0; 4096];
-    // An error is the far end closing.
+    // An error means that the other end was closed.
     while let Ok(length) = line.read(&mut buffer) {
         let requests: Vec<(u32, Request)> = buffer[..length]
             .iter()
@@ -112,11 +111,11 @@ fn serve(mut line: File, spoil: impl Fn(usize, Reply) -> Option<Reply>) {
                     ..Status::default()
                 })),
                 Request::Imu(_) | Request::Gnss(_) => {
-                    answered += 1;
+                    count += 1;
                     let reply = responder
                         .as_mut()
                         .and_then(|responder| responder.answer(&request));
-                    reply.and_then(|reply| spoil(answered, reply))
+                    reply.and_then(|reply| modify(count, reply))
                 }
             };
             let Some(reply) = reply else { continue };
@@ -131,22 +130,22 @@ fn serve(mut line: File, spoil: impl Fn(usize, Reply) -> Option<Reply>) {
 fn on_simulated_board(
     home: &TempDir,
     log: &str,
-    spoil: impl Fn(usize, Reply) -> Option<Reply> + Send + 'static,
+    modify: impl Fn(usize, Reply) -> Option<Reply> + Send + 'static,
 ) -> Result<(), Failure> {
-    let (near, port) = terminal()?;
-    thread::spawn(move || serve(near, spoil));
+    let (pty, port) = terminal()?;
+    thread::spawn(move || serve(pty, modify));
     let out = path(home, "out");
     Ok(host_sim(&["hil", log, "--port", &port, "--out", &out])?)
 }
 
 #[test]
-fn the_same_files_as_identify() -> Result<(), Failure> {
+fn hil_writes_the_same_files_as_identify() -> Result<(), Failure> {
     let (home, log) = with_log(3.0)?;
     on_simulated_board(&home, &log, |_, reply| Some(reply))?;
-    same_files(&home, &log)?;
+    assert_same_files(&home, &log)?;
     let report = hil_json(&home)?;
     assert_eq!(report["bit_for_bit"], true);
-    // Its clock counts single clocks, so they are told.
+    // The board reports single clocks, so they are in the report.
     assert_eq!(report["sample_clocks"]["worst"], 0);
 
     let again = on_simulated_board(&home, &log, |_, reply| Some(reply));
@@ -155,9 +154,9 @@ fn the_same_files_as_identify() -> Result<(), Failure> {
 }
 
 #[test]
-fn one_wrong_bit_is_seen() -> Result<(), Failure> {
+fn a_single_wrong_bit_is_detected() -> Result<(), Failure> {
     let (home, log) = with_log(2.0)?;
-    let spoil = |number, mut reply| {
+    let modify = |number, mut reply| {
         if let (8_000, Reply::Imu(Ok(sample))) = (number, &mut reply) {
             let solution = sample.report.solution.as_mut().expect("navigating");
             let east = &mut solution.velocity_enu_mps.x;
@@ -165,10 +164,10 @@ fn one_wrong_bit_is_seen() -> Result<(), Failure> {
         }
         Some(reply)
     };
-    let refusal = on_simulated_board(&home, &log, spoil).unwrap_err();
-    let refusal = refusal.to_string();
-    assert!(refusal.contains("1 differ, 0 are missing"), "{refusal}");
-    assert!(refusal.contains("solution"), "{refusal}");
+    let error = on_simulated_board(&home, &log, modify).unwrap_err();
+    let error = error.to_string();
+    assert!(error.contains("1 differ, 0 are missing"), "{error}");
+    assert!(error.contains("solution"), "{error}");
     let report = hil_json(&home)?;
     assert_eq!(report["bit_for_bit"], false);
     assert_eq!(report["different"], 1);
@@ -176,32 +175,32 @@ fn one_wrong_bit_is_seen() -> Result<(), Failure> {
 }
 
 #[test]
-fn lost_answers_are_counted() -> Result<(), Failure> {
+fn lost_replies_are_counted() -> Result<(), Failure> {
     let (home, log) = with_log(2.0)?;
-    // One alone, and more in a row than can be on their way at once.
-    let spoil = |number, reply| {
+    // One alone, and more in a row than can be in transit at once.
+    let modify = |number, reply| {
         let lost = number == 3_000 || (6_000..6_020).contains(&number);
         (!lost).then_some(reply)
     };
-    let refusal = on_simulated_board(&home, &log, spoil).unwrap_err();
-    let refusal = refusal.to_string();
-    assert!(refusal.contains("0 differ, 21 are missing"), "{refusal}");
+    let error = on_simulated_board(&home, &log, modify).unwrap_err();
+    let error = error.to_string();
+    assert!(error.contains("0 differ, 21 are missing"), "{error}");
     assert_eq!(hil_json(&home)?["missing"], 21);
     Ok(())
 }
 
 #[test]
-fn silence_is_an_error_and_leaves_nothing() -> Result<(), Failure> {
+fn a_silent_board_is_an_error_without_output() -> Result<(), Failure> {
     let (home, log) = with_log(1.0)?;
     let (_near, port) = terminal()?;
     let out = path(&home, "out");
-    let refusal = host_sim(&["hil", &log, "--port", &port, "--out", &out]).unwrap_err();
-    assert!(refusal.contains("does not answer"), "{refusal}");
+    let error = host_sim(&["hil", &log, "--port", &port, "--out", &out]).unwrap_err();
+    assert!(error.contains("does not answer"), "{error}");
     assert!(!Path::new(&out).exists());
     Ok(())
 }
 
-/// A receiver, say, at the port that was named.
+/// Another device at the port, such as a receiver.
 struct Chatter;
 
 impl Read for Chatter {
@@ -223,33 +222,35 @@ impl Write for Chatter {
 }
 
 #[test]
-fn who_never_stops_talking_is_no_board() {
-    let refusal = Session::open(Chatter, 1).err().map(|why| why.to_string());
-    assert!(refusal.is_some_and(|why| why.contains("does not answer")));
+fn a_continuous_sender_is_not_a_board() {
+    let error = Session::open(Chatter, 1)
+        .err()
+        .map(|error| error.to_string());
+    assert!(error.is_some_and(|error| error.contains("does not answer")));
 }
 
 #[test]
-fn a_port_that_is_not_there_is_named() -> Result<(), Failure> {
+fn a_missing_port_is_reported() -> Result<(), Failure> {
     let (home, log) = with_log(1.0)?;
     let out = path(&home, "out");
-    let refusal = host_sim(&["hil", &log, "--port", "/dev/ttyNONE", "--out", &out]).unwrap_err();
-    assert!(refusal.contains("/dev/ttyNONE"), "{refusal}");
+    let error = host_sim(&["hil", &log, "--port", "/dev/ttyNONE", "--out", &out]).unwrap_err();
+    assert!(error.contains("/dev/ttyNONE"), "{error}");
     Ok(())
 }
 
-// --- as the algorithm under test of a rehearsal ---
+// --- as algorithm under test of a rehearsal ---
 
 const PLAN: &str = include_str!("../../host-sim/tests/turns.toml");
 
-/// Flies the core here and on a board: of each flight, what came of both.
-fn rehearsed(home: &TempDir, log: &str, board: &str) -> Result<Vec<[Value; 2]>, Failure> {
+/// Runs the core on the host and on a board; outcomes of both for each flight.
+fn rehearsal_outcomes(home: &TempDir, log: &str, board: &str) -> Result<Vec<[Value; 2]>, Failure> {
     let (plan, out) = (path(home, "plan.toml"), path(home, "rehearsed"));
     fs::write(&plan, PLAN.replace("duration_s = 150", "duration_s = 90"))?;
-    let place = ["rehearse", log, "--plan", &plan, "--out", &out];
+    let arguments = ["rehearse", log, "--plan", &plan, "--out", &out];
     let short = ["--flights", "3", "--minutes-free", "0.5"];
     let plain = ["--models", "0", "--budget", "0"];
     let with = ["--with", "core", "--with", board];
-    host_sim(&[&place[..], &short, &plain, &with].concat())?;
+    host_sim(&[&arguments[..], &short, &plain, &with].concat())?;
     let lines = fs::read_to_string(Path::new(&out).join("runs.jsonl"))?;
     let outcomes = |line| -> Result<[Value; 2], Failure> {
         let line: Value = serde_json::from_str(line)?;
@@ -258,8 +259,8 @@ fn rehearsed(home: &TempDir, log: &str, board: &str) -> Result<Vec<[Value; 2]>, 
     lines.lines().map(outcomes).collect()
 }
 
-/// How many flights the board flew as the core did here; what became of the others.
-fn alike(flights: &[[Value; 2]]) -> (usize, Vec<String>) {
+/// Number of flights with identical results on board and host; failures of the others.
+fn count_identical(flights: &[[Value; 2]]) -> (usize, Vec<String>) {
     let mut failures = Vec::new();
     for [core, board] in flights {
         if board["failure"].is_null() {
@@ -274,41 +275,43 @@ fn alike(flights: &[[Value; 2]]) -> (usize, Vec<String>) {
 }
 
 #[test]
-fn flights_take_turns_at_a_port_and_what_is_lost_there_is_told() -> Result<(), Failure> {
+fn flights_share_a_port_and_lost_replies_are_reported() -> Result<(), Failure> {
     let (home, log) = with_log(2.0)?;
-    let (near, port) = terminal()?;
-    // Between two flights nobody else holds it.
+    let (pty, port) = terminal()?;
+    // Keeps the terminal open between flights.
     let _far = OpenOptions::new().read(true).write(true).open(&port)?;
-    // Of about 10 000 answers a flight, one of the second is lost.
-    thread::spawn(move || serve(near, |number, reply| (number != 13_000).then_some(reply)));
-    let flights = rehearsed(&home, &log, &format!("hil --port {port}"))?;
-    let (good, failures) = alike(&flights);
+    // With about 10 000 replies per flight, one of the second is lost.
+    thread::spawn(move || serve(pty, |number, reply| (number != 13_000).then_some(reply)));
+    let flights = rehearsal_outcomes(&home, &log, &format!("hil --port {port}"))?;
+    let (good, failures) = count_identical(&flights);
     assert_eq!((good, failures.len()), (2, 1), "{failures:?}");
     assert!(failures[0].contains("did not get through"), "{failures:?}");
     Ok(())
 }
 
 #[test]
-fn a_board_that_is_not_there_is_a_row() -> Result<(), Failure> {
+fn a_missing_board_is_reported_as_a_row() -> Result<(), Failure> {
     let (home, log) = with_log(2.0)?;
-    let flights = rehearsed(&home, &log, "hil --port /dev/ttyNONE")?;
-    let (good, failures) = alike(&flights);
+    let flights = rehearsal_outcomes(&home, &log, "hil --port /dev/ttyNONE")?;
+    let (good, failures) = count_identical(&flights);
     assert_eq!((good, failures.len()), (0, 3));
     assert!(failures[0].contains("unusable") && failures[0].contains("/dev/ttyNONE"));
-    let refusal = rehearsed(&home, &log, "hil --qmu").unwrap_err().to_string();
-    assert!(refusal.contains("--qmu"), "{refusal}");
+    let error = rehearsal_outcomes(&home, &log, "hil --qmu")
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("--qmu"), "{error}");
     Ok(())
 }
 
 // --- the firmware in an emulator ---
 
-/// Runs `hil` with the image of `program` and further arguments, and looks at all it writes.
+/// Runs `hil` with an image and further arguments, and checks its files.
 fn on_firmware(minutes: f64, image: &Path, arguments: &[&str]) -> Result<(), Failure> {
     let (home, log) = with_log(minutes)?;
     let (out, image) = (path(&home, "out"), image.display().to_string());
     let always = ["hil", &log, "--image", &image, "--out", &out];
     host_sim(&[&always, arguments].concat())?;
-    same_files(&home, &log)?;
+    assert_same_files(&home, &log)?;
     let report = hil_json(&home)?;
     assert_eq!(report["bit_for_bit"], true);
     assert_eq!(report["log_lines_garbled"], 0);
@@ -326,39 +329,42 @@ fn on_firmware(minutes: f64, image: &Path, arguments: &[&str]) -> Result<(), Fai
 }
 
 #[test]
-fn on_the_emulated_board() -> Result<(), Failure> {
+fn hil_on_the_emulated_board() -> Result<(), Failure> {
     let image = image(Board::CortexM7, "console")?;
     on_firmware(3.0, &image, &["--qemu"])
 }
 
 #[test]
-fn the_emulated_board_flies_as_the_core_does() -> Result<(), Failure> {
+fn results_on_the_emulated_board_are_those_of_the_core() -> Result<(), Failure> {
     let image = image(Board::CortexM7, "console")?;
     let (home, log) = with_log(2.0)?;
     let board = format!("hil --qemu --image '{}'", image.display());
-    assert_eq!(alike(&rehearsed(&home, &log, &board)?), (3, Vec::new()));
-    Ok(())
-}
-
-#[test]
-fn without_an_image_it_says_how_to_make_one() -> Result<(), Failure> {
-    let (home, log) = with_log(1.0)?;
-    let out = path(&home, "out");
-    let m4f = ["hil", &log, "--qemu", "--board", "m4f", "--out", &out];
-    let refusal = host_sim(&m4f).unwrap_err();
-    assert!(
-        refusal.contains("cargo build --release --config cortex-m4.toml"),
-        "{refusal}"
+    assert_eq!(
+        count_identical(&rehearsal_outcomes(&home, &log, &board)?),
+        (3, Vec::new())
     );
     Ok(())
 }
 
-/// Ends with this value.
+#[test]
+fn a_missing_image_is_reported_with_the_build_command() -> Result<(), Failure> {
+    let (home, log) = with_log(1.0)?;
+    let out = path(&home, "out");
+    let m4f = ["hil", &log, "--qemu", "--board", "m4f", "--out", &out];
+    let error = host_sim(&m4f).unwrap_err();
+    assert!(
+        error.contains("cargo build --release --config cortex-m4.toml"),
+        "{error}"
+    );
+    Ok(())
+}
+
+/// Killed when dropped.
 struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // Nothing can be done about a process that is gone already.
+        // It may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -366,12 +372,12 @@ impl Drop for Running {
 
 /// The firmware as `cargo run` starts it: interrupt, queue and UART, on a terminal.
 #[test]
-fn over_the_uart() -> Result<(), Failure> {
+fn hil_over_the_uart() -> Result<(), Failure> {
     let config = Board::CortexM7.cargo_config();
     let image = image(Board::CortexM7, "ins-firmware")?;
     let mut command = cargo("firmware-example", config);
     command.args(["run", "--release", "--locked", "--config", config]);
-    // Cargo becomes the emulator.
+    // Cargo is replaced by the emulator.
     let mut emulator = Running(command.stdout(Stdio::piped()).spawn()?);
     let stdout = emulator.0.stdout.take().ok_or("no output")?;
     let mut line = String::new();

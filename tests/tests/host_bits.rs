@@ -1,5 +1,5 @@
-//! The core on a host answers with the same bits however it is built: every solution, estimate and
-//! damping signal after every sample and fix.
+//! Results of the core on a host are identical to the bit for all builds: every solution, estimate and damping
+//! signal after every sample and fix.
 
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -14,10 +14,10 @@ use ins_tests::drives::{drive, flight};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Not optimized, an hour takes a minute and a half.
+/// Limited, as builds without optimization are slow.
 const MINUTES: f64 = 5.0;
 
-/// One run: what is asked in frames, and what is answered here, with this build, in frames.
+/// One run: frames of the requests, and of the replies of this build.
 struct Run {
     requests: Vec<u8>,
     replies: Vec<u8>,
@@ -34,22 +34,22 @@ impl Run {
             requests: encode(0, &start).expect("short").to_vec(),
             replies: Vec::new(),
         };
-        let mut navigates = false;
+        let mut is_navigating = false;
         for (to, request) in (1..).zip(requests(log.imu.iter(), &log.gnss)) {
             run.requests.extend(encode(to, &request).expect("short"));
             let reply = responder.answer(&request).ok_or("no answer")?;
             if let Reply::Imu(Ok(reply)) = &reply {
-                navigates = reply.report.solution.is_some();
+                is_navigating = reply.report.solution.is_some();
             }
             let message = FromBoard::Reply { to, reply };
             run.replies.extend(encode(to, &message).expect("short"));
         }
-        assert!(navigates, "at the end of the run");
+        assert!(is_navigating, "at the end of the run");
         Ok(run)
     }
 }
 
-/// How many frames differ.
+/// Number of frames that differ.
 fn difference(one: &[u8], other: &[u8]) -> usize {
     let frames = |bytes: &[u8]| bytes.split(|byte| *byte == 0).count();
     let pairs = one
@@ -58,14 +58,14 @@ fn difference(one: &[u8], other: &[u8]) -> usize {
     pairs.filter(|(one, other)| one != other).count() + frames(one).abs_diff(frames(other))
 }
 
-/// Builds that differ in features have one name.
+/// Builds with different features have the same path.
 static PROGRAM: Mutex<()> = Mutex::new(());
 
-/// How many frames of each run another build answers otherwise.
+/// Number of different replies of another build, for each run.
 fn differences(
     runs: &[Run],
     profile: &str,
-    alter: impl FnOnce(&mut Command) -> Result<(), String>,
+    modify_build: impl FnOnce(&mut Command) -> Result<(), String>,
 ) -> Result<Vec<usize>, Failure> {
     let _program = PROGRAM.lock();
     let mut build = cargo(".", "replay");
@@ -73,7 +73,7 @@ fn differences(
         .args(["build", "--package=ins-replay", "--locked"])
         .args(["--profile", profile])
         .env("CARGO_PROFILE_DEV_OPT_LEVEL", "0");
-    alter(&mut build)?;
+    modify_build(&mut build)?;
     succeed(&mut build)?;
     let folder = if profile == "dev" { "debug" } else { profile };
     let program = build_folder("replay").join(folder).join("ins-replay");
@@ -94,7 +94,7 @@ fn differences(
 }
 
 #[test]
-fn whatever_the_optimization_and_the_features() -> Result<(), Failure> {
+fn bits_are_independent_of_optimization_and_features() -> Result<(), Failure> {
     let runs = [
         Run::new(&drive(Grade::Hg1700, MINUTES))?,
         Run::new(&drive(Grade::Mems, MINUTES))?,
@@ -110,17 +110,17 @@ fn whatever_the_optimization_and_the_features() -> Result<(), Failure> {
     Ok(())
 }
 
-/// The C library of GNU rounds some angles otherwise than `libm`.
+/// GNU's C library rounds some angles differently than `libm`: the comparison detects that.
 #[cfg(target_env = "gnu")]
 #[test]
-fn but_not_with_sines_of_std() -> Result<(), Failure> {
+fn sines_of_std_change_bits() -> Result<(), Failure> {
     let exchange = (
         "src/math.rs",
         "(libm::sin(angle_rad), libm::cos(angle_rad))",
         "extern crate std;
         (angle_rad.sin(), angle_rad.cos())",
     );
-    // Of the latitude, again and again where it changes as of an aircraft.
+    // Used for the latitude, which changes most in a flight.
     let runs = [
         Run::new(&flight(MINUTES)?)?,
         Run::new(&drive(Grade::Hg1700, MINUTES))?,

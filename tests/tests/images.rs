@@ -1,4 +1,4 @@
-//! What is in the firmware's images, and what is not.
+//! Content of the firmware's images.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn the_core_cannot_panic() -> Result<(), String> {
     Ok(())
 }
 
-/// The check above finds one index that the compiler cannot see through.
+/// The check above detects a single index that the compiler cannot prove.
 #[test]
 fn a_core_that_can_panic_does_not_link() -> Result<(), String> {
     let exchange = (
@@ -32,7 +32,7 @@ fn a_core_that_can_panic_does_not_link() -> Result<(), String> {
     Ok(())
 }
 
-/// Symbols that a program with a heap has: what Rust calls, and what a C library gives.
+/// Allocator symbols of Rust and of a C library.
 fn heap_symbols(program: &Path) -> Result<Vec<String>, String> {
     let mut symbols = symbols(program)?;
     symbols.retain(|symbol| {
@@ -57,10 +57,10 @@ fn no_image_has_a_heap() -> Result<(), String> {
     Ok(())
 }
 
-/// The search finds the heap of a program that has one: this.
+/// This program has a heap, which must be detected.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_heap_is_found() -> Result<(), String> {
+fn a_heap_is_detected() -> Result<(), String> {
     let this = std::env::current_exe().map_err(|error| error.to_string())?;
     assert!(heap_symbols(&this)?.len() > 1);
     Ok(())

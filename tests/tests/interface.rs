@@ -1,4 +1,4 @@
-//! What a porter builds on: health, body rates, headings, calibration kept, state restored.
+//! Interface for ports: health, body motion, headings, stored calibration, restored state.
 
 use std::sync::LazyLock;
 
@@ -26,7 +26,7 @@ fn navigator() -> Navigator {
     Navigator::new(config_of(Grade::Mems)).unwrap()
 }
 
-/// All of a drive until a time; `each` is asked after every sample.
+/// Runs a part of a drive; `each` is called after every sample.
 fn run(
     navigator: &mut Navigator,
     drive: &SimulatedDrive,
@@ -47,20 +47,20 @@ fn run(
 
 fn heading_error_rad(navigator: &Navigator, drive: &SimulatedDrive, count: usize) -> f64 {
     let heading_rad = navigator.solution().unwrap().euler().heading_rad;
-    // The truth begins with the moment before the first increment.
+    // The truth begins at the start of the first increment.
     wrap_pi(heading_rad - drive.truth[count + 1].euler().heading_rad)
 }
 
 #[test]
-fn a_restored_navigator_goes_on_in_the_same_bits() {
+fn a_restored_navigator_continues_bit_for_bit() {
     let drive = &*DRIVE;
-    // Levelling, finding the heading, navigating.
+    // In levelling, heading search and navigation.
     for stop_s in [5.0, 14.0, 300.0] {
         let mut navigator = navigator();
         run(&mut navigator, drive, 0.0..stop_s, |_, _, _| {});
         let bytes = postcard::to_stdvec(&navigator).unwrap();
         let mut restored: Navigator = postcard::from_bytes(&bytes).unwrap();
-        // A format without infinities, which this reader does not read to the last bit.
+        // A format without infinities, and not exact to the last bit.
         let text = serde_json::to_string(&navigator).unwrap();
         let read = serde_json::from_str::<Navigator>(&text);
         assert!(read.is_ok(), "{stop_s}: {:?}", read.err());
@@ -74,16 +74,16 @@ fn a_restored_navigator_goes_on_in_the_same_bits() {
 }
 
 #[test]
-fn what_is_restored_has_a_usable_configuration() {
+fn restoring_checks_the_configuration() {
     let navigator: Navigator = Navigator::new(Config::mems()).unwrap();
     let mut tree = serde_json::to_value(&navigator).unwrap();
     *tree.pointer_mut("/config/max_gap_s").unwrap() = (-1.0).into();
-    let why = serde_json::from_value::<Navigator>(tree).unwrap_err();
-    assert!(why.to_string().contains("max_gap_s"), "{why}");
+    let error = serde_json::from_value::<Navigator>(tree).unwrap_err();
+    assert!(error.to_string().contains("max_gap_s"), "{error}");
 }
 
 #[test]
-fn each_fix_has_one_outcome_in_the_end() {
+fn each_fix_gets_one_outcome() {
     let drive = &*DRIVE;
     let mut navigator = navigator();
     let mut settled = Vec::new();
@@ -97,15 +97,19 @@ fn each_fix_has_one_outcome_in_the_end() {
         .gnss
         .iter()
         .filter(|fix| fix.time.as_seconds() < 200.0);
-    let told: usize = settled.iter().map(|report| usize::from(report.fixes)).sum();
-    let waiting = fixes.count() - told;
+    let reported: usize = settled.iter().map(|report| usize::from(report.fixes)).sum();
+    let waiting = fixes.count() - reported;
     assert!(waiting < 10, "{waiting} fixes without an outcome");
     assert!(settled.windows(2).all(|pair| pair[0].time < pair[1].time));
     let counts = health.fixes;
     // A latency that becomes known makes the moments of fixes that wait pass sooner.
-    let refused =
+    let rejected =
         counts.no_inertial_data + counts.outlier + counts.too_old + counts.time_not_increasing;
-    assert_eq!((counts.accepted + refused) as usize, told, "{counts:?}");
+    assert_eq!(
+        (counts.accepted + rejected) as usize,
+        reported,
+        "{counts:?}"
+    );
     let samples = drive
         .imu
         .iter()
@@ -117,7 +121,7 @@ fn each_fix_has_one_outcome_in_the_end() {
 }
 
 #[test]
-fn health_shows_an_outage_and_refusals() {
+fn health_reports_outages_and_rejected_fixes() {
     let drive = &*DRIVE;
     let mut navigator = navigator();
     run(&mut navigator, drive, 0.0..120.0, |_, _, _| {});
@@ -138,8 +142,7 @@ fn health_shows_an_outage_and_refusals() {
     }
     let health = navigator.health();
     let since = health.coasting_since.expect("no fix for ten seconds");
-    // The last fix is of the tenth of a second before, and is compared within 0.3 s, as core/tests/damping.rs
-    // counts them.
+    // The last fix is from 0.1 s before, and is compared within 0.3 s, as derived in core/tests/damping.rs.
     let after_s = since.seconds_since(last.time);
     assert!((-0.1..0.3).contains(&after_s), "{after_s}");
     let report = health.last_fix.unwrap();
@@ -151,12 +154,12 @@ fn health_shows_an_outage_and_refusals() {
 }
 
 #[test]
-fn body_motion_is_that_of_the_body() {
+fn body_rates_are_corrected_by_the_bias() {
     let drive = &*DRIVE;
     let mut navigator = navigator();
     run(&mut navigator, drive, 0.0..600.0, |_, _, _| {});
     let bias = Vector3::from(drive.errors.gyro_bias_radps);
-    let mut taken_out = Vector3::zeros();
+    let mut removed_bias = Vector3::zeros();
     run(
         &mut navigator,
         drive,
@@ -164,17 +167,17 @@ fn body_motion_is_that_of_the_body() {
         |navigator, _, sample| {
             let motion = navigator.body_motion().unwrap();
             assert_eq!(motion.time, sample.time);
-            taken_out += (sample.gyro - motion.rate_radps) / 6000.0;
+            removed_bias += (sample.gyro - motion.rate_radps) / 6000.0;
         },
     );
     assert!(
-        (taken_out - bias).norm() < 0.02 * bias.norm(),
-        "{taken_out} {bias}"
+        (removed_bias - bias).norm() < 0.02 * bias.norm(),
+        "{removed_bias} {bias}"
     );
 }
 
-/// After 12 s at rest, before GNSS shows any heading: that which was given is 0.3 rad off.
-fn turned(drive: &SimulatedDrive) -> Navigator {
+/// After 12 s at rest, before GNSS determines heading: the given heading has an error of 0.3 rad.
+fn navigator_with_heading_error(drive: &SimulatedDrive) -> Navigator {
     let config = Config {
         heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.3),
         ..config_of(Grade::Mems)
@@ -185,11 +188,11 @@ fn turned(drive: &SimulatedDrive) -> Navigator {
     navigator
 }
 
-/// A compass of 1 deg that is right settles the heading; one that is off by many sigmas is refused.
+/// A correct heading with a sigma of 1 deg is accepted; one with an error of many sigmas is rejected.
 #[test]
-fn a_measured_heading_counts_as_much_as_it_says() {
+fn a_measured_heading_is_weighted_by_its_sigma() {
     let drive = &*DRIVE;
-    let mut navigator = turned(drive);
+    let mut navigator = navigator_with_heading_error(drive);
     let (count, sample) = drive
         .imu
         .iter()
@@ -222,30 +225,30 @@ fn a_measured_heading_counts_as_much_as_it_says() {
     let before = navigator.clone();
     assert_eq!(navigator.on_heading(&wrong), GnssOutcome::Outlier);
     let (old, ahead) = (wrong.time.plus_seconds(-5.0), wrong.time.plus_seconds(0.5));
-    for (time, refused) in [
+    for (time, rejected) in [
         (old, GnssOutcome::TooOld),
         (ahead, GnssOutcome::TooFarAhead),
     ] {
-        assert_eq!(navigator.on_heading(&Heading { time, ..wrong }), refused);
+        assert_eq!(navigator.on_heading(&Heading { time, ..wrong }), rejected);
     }
     assert!(navigator == before, "a refusal left a trace");
 }
 
-/// While the platform is turned by what the first of them showed, others come in from before.
+/// While the platform is corrected by the first of them, later headings still refer to times before.
 #[test]
-fn a_late_heading_is_compared_with_what_was_left_then() {
+fn a_late_heading_is_compared_with_the_past_azimuth_error() {
     let drive = &*DRIVE;
-    let mut navigator = turned(drive);
+    let mut navigator = navigator_with_heading_error(drive);
     run(&mut navigator, drive, 12.0..20.0, |navigator, count, _| {
         if count % 10 == 0 {
             // 0.8 s late.
-            let then = count - 80;
+            let past = count - 80;
             let outcome = navigator.on_heading(&Heading {
-                time: drive.imu[then].time,
-                heading_rad: drive.truth[then + 1].euler().heading_rad,
+                time: drive.imu[past].time,
+                heading_rad: drive.truth[past + 1].euler().heading_rad,
                 sigma_rad: 0.005,
             });
-            assert_eq!(outcome, GnssOutcome::Accepted, "{:?}", drive.imu[then].time);
+            assert_eq!(outcome, GnssOutcome::Accepted, "{:?}", drive.imu[past].time);
         }
     });
     let before = |s: &ImuSample| s.time.as_seconds() < 20.0;
@@ -254,9 +257,9 @@ fn a_late_heading_is_compared_with_what_was_left_then() {
     assert!(error.abs() < 0.002, "{error}");
 }
 
-/// Given while levelling, it is the heading to start with.
+/// Headings measured during levelling are the initial heading.
 #[test]
-fn a_measured_heading_ends_alignment() {
+fn measured_headings_end_alignment() {
     let drive = &*DRIVE;
     let mut navigator = navigator();
     let truth_rad = drive.truth[0].euler().heading_rad;
@@ -271,9 +274,9 @@ fn a_measured_heading_ends_alignment() {
     assert!(navigator.sigma().unwrap().attitude_rad.z < 0.021);
 }
 
-/// Two antennas agree on a heading half a minute after all else, and a vehicle that stands shows none.
+/// A dual-antenna heading that becomes available late, on a stationary vehicle.
 #[test]
-fn a_measured_heading_ends_a_search_for_one() {
+fn measured_headings_end_the_heading_search() {
     let drive = &*DRIVE;
     let first = drive.imu[0].time;
     let measured = |sample: &ImuSample, heading_rad, sigma_rad| Heading {
@@ -288,7 +291,7 @@ fn a_measured_heading_ends_a_search_for_one() {
     assert!(rest_s > 25.0, "{rest_s}");
     let mut navigator = navigator();
     run(&mut navigator, drive, 0.0..14.0, |navigator, _, sample| {
-        // Until then they say that they do not know.
+        // Until then the stated sigma is too large.
         let unknown = measured(sample, truth_rad + 2.0, 1.5);
         let outcome = navigator.on_heading(&unknown);
         assert_eq!(outcome, GnssOutcome::OutOfRange);
@@ -308,7 +311,7 @@ fn a_measured_heading_ends_a_search_for_one() {
     assert!(navigator.sigma().unwrap().attitude_rad.z < 0.021);
 }
 
-/// Fixes as frequent as samples leave the estimators nothing to work in.
+/// With fixes at the rate of the samples there is no time for the deferred work of the estimators.
 #[test]
 fn a_receiver_may_be_as_fast_as_the_sensors() {
     let mut config = DriveConfig::new(3, Grade::Mems, 6.0);
@@ -319,23 +322,24 @@ fn a_receiver_may_be_as_fast_as_the_sensors() {
     let mut worst: f64 = 0.0;
     run(&mut navigator, &drive, 0.0..360.0, |navigator, count, _| {
         if let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) {
-            let off = solution.velocity_enu_mps - drive.truth[count + 1].velocity_enu_mps;
-            worst = worst.max(off.norm() / sigma.velocity_mps.norm());
+            let velocity_error =
+                solution.velocity_enu_mps - drive.truth[count + 1].velocity_enu_mps;
+            worst = worst.max(velocity_error.norm() / sigma.velocity_mps.norm());
         }
     });
     assert_eq!(navigator.phase(), Phase::Navigating);
     assert!(worst < 5.0, "{worst}");
 }
 
-/// The same unit a second time: what was found the first time is there from the beginning.
+/// A second run with the same unit starts with the estimates of the first.
 #[test]
-fn a_calibration_kept_is_believed_as_far_as_it_says() {
+fn a_stored_calibration_is_weighted_by_its_sigmas() {
     let drive = &*DRIVE;
     let mut first = navigator();
     run(&mut first, drive, 0.0..700.0, |_, _, _| {});
     let text = serde_json::to_string(&first.calibration()).unwrap();
-    let kept: Calibration = serde_json::from_str(&text).unwrap();
-    let turned_on = kept.after_turn_on(1e-4, 1e-3);
+    let stored: Calibration = serde_json::from_str(&text).unwrap();
+    let turned_on = stored.after_turn_on(1e-4, 1e-3);
     let mut warm = Navigator::warm(config_of(Grade::Mems), &turned_on).unwrap();
     let mut cold = navigator();
     for navigator in [&mut warm, &mut cold] {
@@ -352,43 +356,43 @@ fn a_calibration_kept_is_believed_as_far_as_it_says() {
     for (warm, cold) in sigmas(&warm).into_iter().zip(sigmas(&cold)) {
         assert!(warm < 0.6 * cold, "{warm} {cold}");
     }
-    let mut broken = kept;
+    let mut broken = stored;
     broken.clock_drift.sigma = -1.0;
     assert!(Navigator::warm(Config::mems(), &broken).is_err());
 }
 
-/// A receiver that is known to smooth for long is not one that is found to: its arm is still known.
+/// A stored long smoothing is not treated as newly learnt: the sigma of the arm is kept.
 #[test]
-fn a_smoothing_kept_leaves_the_arm_known() {
+fn a_stored_smoothing_keeps_the_lever_arm_sigma() {
     let drive = &*DRIVE;
-    let mut kept = navigator().calibration();
-    kept.gnss_smoothing_s2.value = 0.25;
-    for known in kept
+    let mut stored = navigator().calibration();
+    stored.gnss_smoothing_s2.value = 0.25;
+    for is_accurate in stored
         .lever_arm_m
         .iter_mut()
-        .chain([&mut kept.gnss_smoothing_s2])
+        .chain([&mut stored.gnss_smoothing_s2])
     {
-        known.sigma = 0.01;
+        is_accurate.sigma = 0.01;
     }
-    let mut warm = Navigator::warm(config_of(Grade::Mems), &kept).unwrap();
+    let mut warm = Navigator::warm(config_of(Grade::Mems), &stored).unwrap();
     run(&mut warm, drive, 0.0..120.0, |_, _, _| {});
     assert_eq!(warm.phase(), Phase::Navigating);
     let arm = warm.estimates().lever_arm_m;
-    // Its sigma does not grow but by what moves more than it should; it was given back whole, 3 m.
+    // The sigma only grows by the consistency check; before, it was reset to 3 m.
     assert!(arm.iter().all(|axis| axis.sigma < 0.1), "{arm:?}");
 }
 
-/// A sigma that single precision does not hold, and values that another configuration gives.
+/// Sigmas that underflow single precision, and parameters that another configuration gives.
 #[test]
-fn any_calibration_that_is_taken_is_survived() {
+fn any_accepted_calibration_gives_finite_results() {
     let drive = &*DRIVE;
-    let kept = {
+    let stored = {
         let mut navigator = navigator();
         run(&mut navigator, drive, 0.0..200.0, |_, _, _| {});
         navigator.calibration()
     };
     for sigma in [1e-50, 1e-20] {
-        let mut small = kept;
+        let mut small = stored;
         small.gyro_bias_radps[2].sigma = sigma;
         small.gnss_latency_s.sigma = sigma;
         let mut warm = Navigator::warm(config_of(Grade::Mems), &small).unwrap();
@@ -407,9 +411,9 @@ fn any_calibration_that_is_taken_is_survived() {
     config.sensors.accel_scale = 0.0;
     config.sensors.gyro_scale = 0.0;
     config.sensors.cross_axis = 0.0;
-    // What stands after the arm is estimated, or is not.
+    // With and without parameters after the arm.
     for config in [with_scales, config] {
-        let warm = Navigator::warm(config, &kept).unwrap();
+        let warm = Navigator::warm(config, &stored).unwrap();
         let arm = warm.estimates().lever_arm_m;
         for (axis, antenna) in arm.iter().zip(antenna) {
             assert!((axis.value - antenna).abs() < 1e-9, "{arm:?}");
@@ -417,16 +421,16 @@ fn any_calibration_that_is_taken_is_survived() {
         let given = |estimate: ins_core::Estimate| estimate.observability == Observability::Given;
         assert!(arm.into_iter().all(given));
     }
-    // As of a memory that has lost a bit.
-    let mut broken = kept;
+    // As after a bit error.
+    let mut broken = stored;
     broken.gyro_bias_radps[0].value = 1e300;
-    let refused = Navigator::warm(config_of(Grade::Mems), &broken).unwrap_err();
-    assert_eq!(refused, ConfigError::NotFinite("calibration"));
+    let rejected = Navigator::warm(config_of(Grade::Mems), &broken).unwrap_err();
+    assert_eq!(rejected, ConfigError::NotFinite("calibration"));
 }
 
-/// Nothing is begun anew because the search for the heading finds less than what is known.
+/// No restart if the heading search determines the latency less accurately than configured.
 #[test]
-fn a_latency_that_is_known_stays_so() {
+fn a_configured_latency_is_kept() {
     let mut drive = DriveConfig::new(5, Grade::Mems, 5.0);
     drive.recording.errors.gnss.latency_s = [0.0, 0.0];
     let drive = simulate(&drive);
@@ -438,14 +442,14 @@ fn a_latency_that_is_known_stays_so() {
     let health = navigator.health();
     assert_eq!((health.phase, health.restarts), (Phase::Navigating, 0));
     let latency = navigator.estimates().gnss_latency_s;
-    // Clocks drift apart.
-    let known = latency.value.abs() < 0.01 && latency.sigma < 0.005;
-    assert!(known, "{latency:?}");
+    // Clock drift adds to it.
+    let is_accurate = latency.value.abs() < 0.01 && latency.sigma < 0.005;
+    assert!(is_accurate, "{latency:?}");
 }
 
-/// As of a barometer: heights between fixes leave these what they have.
+/// As of a barometer.
 #[test]
-fn heights_between_do_not_keep_positions_out() {
+fn separate_heights_do_not_block_positions() {
     let mut navigator = navigator();
     let mut next_s = 0.0;
     run(
@@ -467,9 +471,9 @@ fn heights_between_do_not_keep_positions_out() {
     assert!(sigma.position_m.xy().norm() < 5.0, "{sigma:?}");
 }
 
-/// Increments that come at a twentieth of the rate are twenty times as large: a new start, and no end.
+/// Increments at a twentieth of the rate are twenty times as large: they cause one restart only.
 #[test]
-fn increments_may_come_more_rarely() {
+fn increments_at_a_lower_rate_are_accepted() {
     let mut drive = DriveConfig::new(3, Grade::Mems, 1.0);
     drive.recording.errors.imu.output = ImuOutput::Increments;
     let imu = simulate(&drive).imu;
@@ -480,11 +484,11 @@ fn increments_may_come_more_rarely() {
         let _ = navigator.on_imu(sample);
     }
     let mut last = None;
-    for some in imu[3000..].chunks_exact(20) {
+    for samples in imu[3000..].chunks_exact(20) {
         last = Some(navigator.on_imu(&ImuSample {
-            time: some[19].time,
-            gyro: some.iter().map(|sample| sample.gyro).sum(),
-            accel: some.iter().map(|sample| sample.accel).sum(),
+            time: samples[19].time,
+            gyro: samples.iter().map(|sample| sample.gyro).sum(),
+            accel: samples.iter().map(|sample| sample.accel).sum(),
         }));
     }
     assert_eq!(last, Some(ImuOutcome::Accepted));

@@ -1,4 +1,4 @@
-//! The link's decoder: everything good gets through, nothing else does, and all of it is counted.
+//! The link's decoder: every valid frame is decoded, nothing else is, and losses are counted.
 
 use ins_core::damping::DampingSignals;
 use ins_core::earth::{Geodetic, LatLon};
@@ -24,22 +24,23 @@ fn any_request() -> impl Strategy<Value = Request> {
     let time = any::<i64>().prop_map(Time::from_micros);
     let imu = (time.clone(), any_vector(), any_vector())
         .prop_map(|(time, gyro, accel)| Request::Imu(ImuSample { time, gyro, accel }));
-    let gnss = (time, any_vector(), any_vector(), any::<bool>()).prop_map(|(time, a, b, there)| {
-        Request::Gnss(GnssFix {
-            time,
-            position: there.then_some(LatLon {
-                latitude_rad: a.x,
-                longitude_rad: a.y,
-            }),
-            height_m: (!there).then_some(a.z),
-            velocity_en_mps: (!there).then_some(Vector2::new(b.x, b.y)),
-            velocity_up_mps: there.then_some(b.z),
-            sigma: FixSigma {
-                velocity_mps: there.then_some(b.x),
-                ..FixSigma::default()
-            },
-        })
-    });
+    let gnss =
+        (time, any_vector(), any_vector(), any::<bool>()).prop_map(|(time, a, b, present)| {
+            Request::Gnss(GnssFix {
+                time,
+                position: present.then_some(LatLon {
+                    latitude_rad: a.x,
+                    longitude_rad: a.y,
+                }),
+                height_m: (!present).then_some(a.z),
+                velocity_en_mps: (!present).then_some(Vector2::new(b.x, b.y)),
+                velocity_up_mps: present.then_some(b.z),
+                sigma: FixSigma {
+                    velocity_mps: present.then_some(b.x),
+                    ..FixSigma::default()
+                },
+            })
+        });
     let start = any::<u32>().prop_map(|estimates_every| Request::Start {
         config: Config::mems(),
         estimates_every,
@@ -68,7 +69,7 @@ fn bits(request: &Request) -> Vec<u8> {
 
 proptest! {
     #[test]
-    fn every_message_comes_through_bit_for_bit(
+    fn messages_round_trip_bit_for_bit(
         requests in prop::collection::vec(any_request(), 1..20)
     ) {
         let mut decoder = Decoder::new();
@@ -82,20 +83,20 @@ proptest! {
     }
 
     #[test]
-    fn noise_is_never_a_message(bytes in prop::collection::vec(any::<u8>(), 0..3000)) {
+    fn noise_is_never_decoded(bytes in prop::collection::vec(any::<u8>(), 0..3000)) {
         let mut decoder = Decoder::new();
-        // A checksum of 32 bits lets one of four thousand million noisy frames through.
+        // A 32-bit checksum accepts one of 4e9 random frames.
         prop_assert!(feed(&mut decoder, &bytes).is_empty());
         let frames = bytes.split(|byte| *byte == 0);
-        // The last piece has no end yet.
-        let whole = frames.clone().count() - 1;
+        // The last piece is not complete yet.
+        let complete = frames.clone().count() - 1;
         let counted = decoder.counters;
-        let empty = frames.take(whole).filter(|frame| frame.is_empty()).count();
-        prop_assert_eq!((counted.corrupt + counted.other_version) as usize, whole - empty);
+        let empty = frames.take(complete).filter(|frame| frame.is_empty()).count();
+        prop_assert_eq!((counted.corrupt + counted.other_version) as usize, complete - empty);
     }
 
     #[test]
-    fn after_noise_the_second_frame_at_the_latest_is_understood(
+    fn decoding_resumes_at_the_second_frame_after_noise(
         noise in prop::collection::vec(any::<u8>(), 0..2000),
         request in any_request(),
     ) {
@@ -110,7 +111,7 @@ proptest! {
     }
 
     #[test]
-    fn a_spoilt_byte_costs_its_frame_and_no_other(
+    fn a_corrupt_byte_affects_its_frame_only(
         requests in prop::collection::vec(any_request(), 3..10),
         at in any::<prop::sample::Index>(),
         flip in 1..=255_u8,
@@ -125,12 +126,12 @@ proptest! {
         let expected: Vec<usize> = (0..requests.len()).filter(|index| *index != which).collect();
         prop_assert_eq!(got, expected);
         prop_assert!(decoder.counters.corrupt >= 1);
-        // The first frame ever has no number before it to be missed from.
+        // A loss of the very first frame is not detectable.
         prop_assert_eq!(decoder.counters.skipped, u32::from(which > 0));
     }
 
     #[test]
-    fn what_is_lost_cut_repeated_or_late_is_dropped_and_counted(
+    fn lost_truncated_repeated_and_late_frames_are_counted(
         requests in prop::collection::vec(any_request(), 12..13),
         lost in 1..4_usize,
         cut in any::<prop::sample::Index>(),
@@ -138,12 +139,12 @@ proptest! {
         let sent = frames(&requests);
         let (early, late) = (&sent[5], &sent[6]);
         let mut wire: Vec<u8> = sent[0].clone();
-        // 1 to `lost` never arrive; 4 comes twice; 6 overtakes 5; 7 breaks off.
+        // 1 to `lost` are lost, 4 is repeated, 6 precedes 5, 7 is truncated.
         wire.extend(sent[1 + lost..5].iter().flatten());
         wire.extend(&sent[4]);
         wire.extend(late.iter().chain(early));
         wire.extend(&sent[7][..cut.index(sent[7].len() - 1)]);
-        // Without its end the broken frame takes the next one with it, and no more.
+        // A frame without its end corrupts the next one only.
         wire.extend(sent[8..].iter().flatten());
         let mut decoder = Decoder::new();
         let out = feed(&mut decoder, &wire);
@@ -151,10 +152,10 @@ proptest! {
         prop_assert!(got.is_sorted_by(|a, b| a < b), "{:?}", got);
         prop_assert!(got.contains(&6) && !got.contains(&5) && !got.contains(&7));
         prop_assert!(got.ends_with(&[9, 10, 11]));
-        // With all of 1 to 3 lost, 4 comes first and again.
+        // With 1 to 3 lost, 4 is still received twice.
         prop_assert_eq!(decoder.counters.out_of_order, 2);
         prop_assert_eq!(decoder.counters.accepted as usize, got.len());
-        // Whatever was not accepted in between is skipped.
+        // All other frames count as skipped.
         prop_assert_eq!(decoder.counters.skipped as usize, 12 - got.len());
     }
 }
@@ -201,13 +202,13 @@ fn the_longest_messages_fit() {
         encode(u32::MAX, &log).unwrap().len(),
         encode(u32::MAX, &start).unwrap().len(),
     ] {
-        // What is added later has room.
+        // Reserve for later additions.
         assert!(length < MAX_FRAME * 9 / 10, "{length}");
     }
 }
 
 #[test]
-fn a_frame_of_another_version_is_told_apart() {
+fn frames_of_another_version_are_counted_separately() {
     let frame = encode(0, &Request::Status).unwrap();
     let mut content = frame[..frame.len() - 1].to_vec();
     let length = cobs::decode_in_place(&mut content).unwrap();
@@ -215,16 +216,16 @@ fn a_frame_of_another_version_is_told_apart() {
     content[0] = VERSION + 1;
     let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&content);
     content.extend(checksum.to_le_bytes());
-    let mut spoilt = cobs::encode_vec(&content);
-    spoilt.push(0);
+    let mut frame_of_other_version = cobs::encode_vec(&content);
+    frame_of_other_version.push(0);
     let mut decoder = Decoder::new();
-    assert!(feed(&mut decoder, &spoilt).is_empty());
+    assert!(feed(&mut decoder, &frame_of_other_version).is_empty());
     assert_eq!(decoder.counters.other_version, 1);
     assert_eq!(decoder.counters.corrupt, 0);
 }
 
 #[test]
-fn a_new_session_begins_anew_and_an_old_greeting_does_not() {
+fn a_new_session_resets_the_decoder_but_a_repeated_hello_does_not() {
     let mut decoder = Decoder::new();
     let frame = |sequence, request: &Request| encode(sequence, request).unwrap();
     let hello = |session| Request::Hello { session };
@@ -233,7 +234,7 @@ fn a_new_session_begins_anew_and_an_old_greeting_does_not() {
     assert_eq!(
         feed(&mut decoder, &frame(900, &hello(1))).len(),
         0,
-        "a repeated greeting"
+        "a repeated hello"
     );
     assert_eq!(feed(&mut decoder, &frame(0, &hello(2))).len(), 1);
     assert_eq!(feed(&mut decoder, &frame(1, &Request::Status)).len(), 1);
@@ -242,7 +243,7 @@ fn a_new_session_begins_anew_and_an_old_greeting_does_not() {
 }
 
 #[test]
-fn a_full_queue_counts_what_it_loses_and_the_stream_recovers() {
+fn queue_overflow_is_counted_and_decoding_resumes() {
     let mut queue = heapless::spsc::Queue::<u8, 257>::new();
     let (sender, mut consumer) = queue.split();
     let mut receiver = Receiver::new(sender);
@@ -257,7 +258,7 @@ fn a_full_queue_counts_what_it_loses_and_the_stream_recovers() {
         .count();
     assert_eq!(receiver.take_lost() as usize, bytes.len() - 256);
     assert_eq!(receiver.take_lost(), 0);
-    // The frame that the full queue cut spoils one more.
+    // The frame truncated by the full queue corrupts one more.
     for (sequence, expected) in [(100, 0), (101, 1)] {
         for byte in encode(sequence, &Request::Status).unwrap() {
             receiver.on_byte(byte);

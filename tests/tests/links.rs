@@ -1,4 +1,4 @@
-//! The texts point to what exists, and the front page stays short.
+//! Links of the documentation exist, and the README stays short.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Lines that are no code.
+/// Lines outside of code blocks.
 fn prose(text: &str) -> impl Iterator<Item = &str> {
     let mut code = false;
     text.lines().filter(move |line| {
@@ -31,7 +31,7 @@ fn prose(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// What stands in `](...)`.
+/// Targets of `](...)`.
 fn links(text: &str) -> Vec<&str> {
     prose(text)
         .flat_map(|line| line.split("](").skip(1))
@@ -46,8 +46,8 @@ fn anchors(text: &str) -> Vec<String> {
         .filter_map(|line| line.strip_prefix('#'))
         .map(|heading| {
             let heading = heading.trim_start_matches('#').trim().to_lowercase();
-            let kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
-            heading.chars().filter(kept).collect::<String>()
+            let is_kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
+            heading.chars().filter(is_kept).collect::<String>()
         })
         .map(|heading| heading.replace(' ', "-"))
         .collect()
@@ -75,7 +75,7 @@ fn every_link_and_anchor_exists() {
 }
 
 #[test]
-fn every_generated_part_has_one_place() {
+fn every_generated_part_has_unique_markers() {
     let mut names = Vec::new();
     for page in pages() {
         let text = read(&page);
@@ -89,11 +89,11 @@ fn every_generated_part_has_one_place() {
     assert!(!names.is_empty());
     names.sort_unstable();
     let twice = names.windows(2).find(|pair| pair[0] == pair[1]);
-    assert!(twice.is_none(), "stands twice: {twice:?}");
+    assert!(twice.is_none(), "duplicate: {twice:?}");
 }
 
 #[test]
-fn the_front_page_is_short_and_names_every_page() {
+fn the_readme_is_short_and_links_every_page() {
     let front = read(&repository().join("README.md"));
     let lines = front.lines().count();
     assert!(lines <= LONGEST_README, "{lines} lines");

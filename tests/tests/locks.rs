@@ -1,4 +1,4 @@
-//! Host and firmware are resolved apart, and yet compute with the same code.
+//! Host and firmware have separate lock files with the same versions of shared packages.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -44,9 +44,8 @@ impl Lock {
     }
 }
 
-/// Packages that a package uses by both locks, and their versions there. What only one side has
-/// (features, tests) is left out.
-fn in_common<'a>(
+/// Direct and indirect dependencies of a package in both lock files, with both versions.
+fn common_versions<'a>(
     one: &'a Lock,
     other: &'a Lock,
     root: &str,
@@ -71,7 +70,7 @@ fn host_and_targets_have_the_same_versions() -> Result<(), String> {
     let host = Lock::read("Cargo.lock")?;
     for name in ["firmware-example/Cargo.lock", "tests/peers/Cargo.lock"] {
         let target = Lock::read(name)?;
-        let versions = in_common(&host, &target, "ins-link").ok_or("no ins-link")?;
+        let versions = common_versions(&host, &target, "ins-link").ok_or("no ins-link")?;
         for needed in [
             "ins-core",
             "nalgebra",

@@ -1,4 +1,4 @@
-//! The mechanization against an hour of a simulated car with sensors that have no error.
+//! The mechanization over an hour of a simulated car with error-free sensors.
 
 use host_sim::sim::{DriveConfig, SimulatedDrive, simulate};
 use ins_core::increments::Increments;
@@ -13,14 +13,14 @@ struct Limits {
     attitude_rad: f64,
 }
 
-fn an_hour(seed: u64, output: ImuOutput, imu_hz: f64) -> SimulatedDrive {
+fn simulate_hour(seed: u64, output: ImuOutput, imu_hz: f64) -> SimulatedDrive {
     let mut config = DriveConfig::ideal(seed, 60.0);
     config.recording.imu_hz = imu_hz;
     config.recording.errors.imu.output = output;
     simulate(&config)
 }
 
-/// Largest errors of a free INS that starts at the second truth, all three axes together.
+/// Largest errors of an unaided INS that starts at the second row of the truth.
 fn largest_errors(drive: &SimulatedDrive, output: ImuOutput) -> Limits {
     let start = drive.truth[1];
     let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
@@ -39,7 +39,7 @@ fn largest_errors(drive: &SimulatedDrive, output: ImuOutput) -> Limits {
             largest.attitude_rad = largest.attitude_rad.max(now.attitude_rad);
         }
     }
-    assert!(truths.next().is_none(), "truth left over");
+    assert!(truths.next().is_none(), "unused truth");
     largest
 }
 
@@ -64,26 +64,26 @@ fn assert_within(errors: &Limits, limits: &Limits) {
 }
 
 #[test]
-fn an_hour_free_on_ideal_increments() {
-    // A fifth of what is promised (1 m, 1 mm/s, 1 arc second) shows a lost second-order term.
-    // Measured: 0.05 m, 0.05 mm/s, 0.002 arc seconds, most of it in the unstable vertical channel,
-    // which multiplies its first errors by 300 in an hour.
+fn unaided_hour_with_ideal_increments() {
+    // A fifth of the documented errors (1 m, 1 mm/s, 1 arc second) would reveal a missing second-order
+    // term. Measured: 0.05 m, 0.05 mm/s, 0.002 arc seconds, mostly in the unstable vertical channel, which
+    // amplifies initial errors by 300 in an hour.
     let limits = Limits {
         position_m: 0.2,
         velocity_mps: 2e-4,
         attitude_rad: 0.2 * ARC_SECOND_RAD,
     };
     for seed in [1, 2, 3] {
-        let drive = an_hour(seed, ImuOutput::Increments, 100.0);
+        let drive = simulate_hour(seed, ImuOutput::Increments, 100.0);
         assert_within(&largest_errors(&drive, ImuOutput::Increments), &limits);
     }
 }
 
-/// Between instantaneous readings a parabola is all that is known: its error is of third order.
+/// Parabolic interpolation between instantaneous readings has an error of third order.
 #[test]
-fn an_hour_free_on_ideal_rates() {
+fn unaided_hour_with_ideal_rates() {
     let [slow, fast] = [100.0, 200.0].map(|hz| {
-        let drive = an_hour(1, ImuOutput::Rates, hz);
+        let drive = simulate_hour(1, ImuOutput::Rates, hz);
         largest_errors(&drive, ImuOutput::Rates)
     });
     // Measured: 0.92 m, 0.64 mm/s, 0.06 arc seconds.
@@ -93,7 +93,7 @@ fn an_hour_free_on_ideal_rates() {
         attitude_rad: 0.2 * ARC_SECOND_RAD,
     };
     assert_within(&slow, &limits);
-    // Half the interval, an eighth of the error or less; a trapezoid leaves a quarter.
+    // Half the interval, an eighth of the error or less; the trapezoidal rule would give a quarter.
     let ratio = |of: fn(&Limits) -> f64| of(&slow) / of(&fast);
     for ratio in [
         ratio(|e| e.position_m),

@@ -1,5 +1,5 @@
-//! What scale errors and misalignments of the sensors look like to an INS whose unit is tilted, and
-//! what becomes of one whose unit is turned without its gyros having seen it.
+//! Effect of scale errors and misalignment on a tilted unit, and recovery after a rotation of the unit that the gyros
+//! did not measure.
 
 use host_sim::identify::run::{Event, in_order_of_time};
 use host_sim::log::Grade;
@@ -14,11 +14,11 @@ use ins_core::{Config, Navigator, Phase};
 use nalgebra::{Matrix3, UnitQuaternion, UnitVector3, Vector3};
 
 const MINUTES: f64 = 20.0;
-/// Of an uncalibrated unit; they make of each accelerometer some tenths of m/s^2.
+/// As of an uncalibrated unit; equivalent to accelerometer biases of some 0.1 m/s^2.
 const SCALE: f64 = 0.01;
 const GYRO: f64 = 0.003;
 
-/// A car with a unit that is turned, rolled and pitched by tens of degrees against it.
+/// A car with a unit mounted at angles of tens of degrees.
 fn drive(mount: UnitQuaternion<f64>) -> SimulatedDrive {
     let mut config = DriveConfig::new(5, Grade::Hg1700, MINUTES);
     let errors = &mut config.recording.errors;
@@ -47,7 +47,7 @@ fn config(drive: &SimulatedDrive) -> Config {
     config
 }
 
-fn navigated(drive: &SimulatedDrive) -> Navigator {
+fn navigate(drive: &SimulatedDrive) -> Navigator {
     let mut navigator: Navigator = Navigator::new(config(drive)).unwrap();
     for event in in_order_of_time(&drive.imu, &drive.gnss) {
         let _ = event.give_to(&mut navigator);
@@ -55,86 +55,86 @@ fn navigated(drive: &SimulatedDrive) -> Navigator {
     navigator
 }
 
-/// Bias of the accelerometers that turns about the vertical show: `b + M_a f - g p`, with `f` the
-/// force felt at the level and `p` what the gyros read of such a turn in level directions.
-fn shown(drive: &SimulatedDrive, up: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let felt = |matrix: &Matrix3<f64>| matrix * up;
+/// Accelerometer bias observable in turns about the vertical: `b + M_a f - g p`, with `f` the specific force at
+/// level attitude and `p` the level components of the gyro error in such a turn.
+fn observable_bias(drive: &SimulatedDrive, up: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let level_effect = |matrix: &Matrix3<f64>| matrix * up;
     let errors = &drive.errors;
-    let accel = Vector3::from(errors.accel_bias_mps2) + G * felt(&errors.accel_matrix);
-    let read = felt(&errors.gyro_matrix);
-    [accel, G * (read - up * up.dot(&read))]
+    let accel = Vector3::from(errors.accel_bias_mps2) + G * level_effect(&errors.accel_matrix);
+    let gyro_error = level_effect(&errors.gyro_matrix);
+    [accel, G * (gyro_error - up * up.dot(&gyro_error))]
 }
 
 #[test]
-fn an_accelerometer_bias_is_what_a_compensation_needs() {
+fn estimated_accelerometer_bias_includes_scale_and_misalignment() {
     for (right, forward) in [(0.0, 0.0), (0.5, -0.3), (0.0, 0.9)] {
         let mount = UnitQuaternion::from_scaled_axis(Vector3::new(right, forward, 0.0));
         let drive = drive(mount);
         let up = mount.inverse() * Vector3::z();
-        let [accel, by_gyros] = shown(&drive, &up);
-        let estimates = navigated(&drive).estimates();
+        let [accel, by_gyros] = observable_bias(&drive, &up);
+        let estimates = navigate(&drive).estimates();
         let found = estimates.accel_bias_mps2.map(|accel| accel.value);
-        let left = Vector3::from(found) - (accel - by_gyros);
-        println!("{left:?} of {accel:?} and {by_gyros:?}");
-        // Of what gyros make of it, well below half is left to noise and to scale errors that have
-        // no parameter.
+        let residual = Vector3::from(found) - (accel - by_gyros);
+        println!("{residual:?} of {accel:?} and {by_gyros:?}");
+        // The residual, due to noise and scale errors without a parameter, is well below half of the gyros'
+        // contribution.
         assert!(by_gyros.norm() > 0.015, "{by_gyros}");
-        assert!(left.norm() < 0.4 * by_gyros.norm(), "{left}");
-        // What it is apart from the gyros is within the spread.
+        assert!(residual.norm() < 0.4 * by_gyros.norm(), "{residual}");
+        // Without the gyros' contribution it is within the sigma.
         for (axis, estimate) in estimates.accel_bias_mps2.iter().enumerate() {
-            let off = estimate.value - accel[axis];
-            assert!(off.abs() < 4.0 * estimate.sigma, "{off} {estimate:?}");
+            let error = estimate.value - accel[axis];
+            assert!(error.abs() < 4.0 * estimate.sigma, "{error} {estimate:?}");
         }
     }
 }
 
-/// When a unit is turned, and until when its attitude has to be found again, s: two or three quarters
-/// of a minute in which fixes are refused, an alignment from motion, and until there is some.
-const TURNED_S: f64 = 250.0;
-const FOUND_S: f64 = TURNED_S + 180.0;
+/// Time of the rotation, and limit of the recovery, s: fixes are rejected for 30 to 45 s, then alignment from motion
+/// begins as soon as there is some.
+const ROTATED_S: f64 = 250.0;
+const RECOVERED_S: f64 = ROTATED_S + 180.0;
 
 /// The navigator at the end, and its attitude error, ENU.
-fn turned(
+fn rotated(
     drive: &SimulatedDrive,
-    turn: UnitQuaternion<f64>,
+    rotation: UnitQuaternion<f64>,
     velocities: bool,
 ) -> (Navigator, Vector3<f64>) {
     let mut navigator = Navigator::new(config_of(Grade::Hg1700)).unwrap();
     for event in in_order_of_time(&drive.imu, &drive.gnss) {
-        let turned = event.time().as_seconds() > TURNED_S;
+        let rotated = event.time().as_seconds() > ROTATED_S;
         match event {
             Event::Imu(mut sample) => {
-                if turned {
-                    sample.gyro = turn.inverse() * sample.gyro;
-                    sample.accel = turn.inverse() * sample.accel;
+                if rotated {
+                    sample.gyro = rotation.inverse() * sample.gyro;
+                    sample.accel = rotation.inverse() * sample.accel;
                 }
                 let _ = navigator.on_imu(&sample);
             }
             Event::Gnss(fix) => {
                 let mut fix = *fix;
-                if turned && !velocities {
+                if rotated && !velocities {
                     (fix.velocity_en_mps, fix.velocity_up_mps) = (None, None);
                 }
                 let _ = navigator.on_gnss(&fix);
             }
         }
     }
-    let truth = drive.truth.last().unwrap().attitude * turn;
-    // Without a solution nothing is said of it.
+    let truth = drive.truth.last().unwrap().attitude * rotation;
+    // NaN without a solution.
     let error = (navigator.solution()).map_or(Vector3::repeat(f64::NAN), |own| {
         (own.attitude * truth.inverse()).scaled_axis()
     });
     (navigator, error)
 }
 
-fn drive_to_turn(seed: u64) -> SimulatedDrive {
-    let mut config = DriveConfig::new(seed, Grade::Hg1700, FOUND_S / 60.0);
+fn drive_with_rotation(seed: u64) -> SimulatedDrive {
+    let mut config = DriveConfig::new(seed, Grade::Hg1700, RECOVERED_S / 60.0);
     config.recording.truth_every = 1;
     simulate(&config)
 }
 
-/// Turns unseen on a drive, by axis and angle, and what became of the navigator.
-fn each_turn(
+/// Checks the navigator after unmeasured rotations by axis and angle.
+fn for_each_rotation(
     drive: &SimulatedDrive,
     axes: &[UnitVector3<f64>],
     velocities: bool,
@@ -142,8 +142,8 @@ fn each_turn(
 ) {
     for axis in axes {
         for degrees in [5.0, 20.0, 60.0, 180.0_f64] {
-            let turn = UnitQuaternion::from_axis_angle(axis, degrees.to_radians());
-            let (navigator, error) = turned(drive, turn, velocities);
+            let rotation = UnitQuaternion::from_axis_angle(axis, degrees.to_radians());
+            let (navigator, error) = rotated(drive, rotation, velocities);
             check(
                 &format!("{axis:?} {degrees} deg: {error:?}"),
                 &navigator,
@@ -153,36 +153,41 @@ fn each_turn(
     }
 }
 
-/// By a hand, by a crash, in a hole or beyond the range of the gyros.
+/// As by hand, in a crash, in a gap, or beyond the range of the gyros.
 #[test]
-fn a_unit_that_is_turned_unseen_finds_its_attitude_again() {
+fn attitude_recovers_after_an_unmeasured_rotation() {
     let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
-    each_turn(&drive_to_turn(3), &axes, true, |case, navigator, error| {
-        let sigma = navigator.sigma().unwrap().attitude_rad;
-        assert!(
-            error.component_div(&sigma).amax() < 5.0,
-            "{case} of {sigma:?}"
-        );
-        assert!(sigma.amax() < 0.01, "{case} of {sigma:?}");
-        assert!(error.amax() < 0.03, "{case} of {sigma:?}");
-        let health = navigator.health();
-        assert!(health.restarts > 0 || health.last_reset.is_some(), "{case}");
-    });
+    for_each_rotation(
+        &drive_with_rotation(3),
+        &axes,
+        true,
+        |case, navigator, error| {
+            let sigma = navigator.sigma().unwrap().attitude_rad;
+            assert!(
+                error.component_div(&sigma).amax() < 5.0,
+                "{case} of {sigma:?}"
+            );
+            assert!(sigma.amax() < 0.01, "{case} of {sigma:?}");
+            assert!(error.amax() < 0.03, "{case} of {sigma:?}");
+            let health = navigator.health();
+            assert!(health.restarts > 0 || health.last_reset.is_some(), "{case}");
+        },
+    );
 }
 
-/// Positions alone tell it later, and heading last: one unit in sixteen is still being aligned, and
-/// says so. Of 48 more than seven are one time in a hundred.
+/// With positions alone recovery takes longer, heading longest: one unit in sixteen is still aligning, and reports so.
+/// More than seven of 48 have a probability of 1 %.
 #[test]
-fn positions_alone_level_a_unit_that_is_turned_unseen() {
+fn level_recovers_with_positions_alone_after_an_unmeasured_rotation() {
     let axes = [Vector3::x_axis(), Vector3::y_axis()];
-    let (mut turns, mut level) = (0, 0);
+    let (mut rotations, mut level) = (0, 0);
     for seed in 3..9 {
-        each_turn(
-            &drive_to_turn(seed),
+        for_each_rotation(
+            &drive_with_rotation(seed),
             &axes,
             false,
             |case, navigator, error| {
-                turns += 1;
+                rotations += 1;
                 if error.xy().norm() < 0.04 {
                     level += 1;
                     return;
@@ -193,5 +198,5 @@ fn positions_alone_level_a_unit_that_is_turned_unseen() {
             },
         );
     }
-    assert!(level + 7 >= turns, "{level} of {turns}");
+    assert!(level + 7 >= rotations, "{level} of {rotations}");
 }

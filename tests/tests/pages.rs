@@ -1,4 +1,4 @@
-//! Parts of the pages that are generated.
+//! Generated parts of the pages.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use ins_tests::pages::{Pages, tables_of};
 
 #[test]
-fn a_part_is_replaced_on_its_page_and_nothing_else() {
+fn only_the_part_of_a_page_is_replaced() {
     let root = tempfile::tempdir().unwrap();
     let [readme, page] = ["README.md", "docs/a.md"].map(|name| root.path().join(name));
     let front = "front <!-- begin: y -->";
@@ -17,7 +17,7 @@ fn a_part_is_replaced_on_its_page_and_nothing_else() {
     pages.replace("x", "new\n").unwrap();
     assert!(pages.replace("y", "new").is_err());
     assert!(pages.replace("z", "new").is_err());
-    // One that has not changed is not written.
+    // An unchanged page is not written.
     fs::write(&readme, "worked on").unwrap();
     pages.write().unwrap();
     let expected = "a\n<!-- begin: x -->\nnew\n<!-- end: x -->\nb";
@@ -26,7 +26,7 @@ fn a_part_is_replaced_on_its_page_and_nothing_else() {
 }
 
 #[test]
-fn tables_are_found_among_other_output() {
+fn tables_are_extracted_from_other_output() {
     let text = "Benchmarking...\n| a |\n|---|\n| 1 |\ntime: 3 s\n\n| b |\n|---|\n";
     let tables = tables_of(text, Path::new("cost.txt")).unwrap();
     assert_eq!(tables, "| a |\n|---|\n| 1 |\n\n| b |\n|---|");

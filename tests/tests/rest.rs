@@ -1,4 +1,4 @@
-//! What the gyros of a standing vehicle tell, and what they do not.
+//! Use of the gyros at rest.
 
 use std::f64::consts::TAU;
 
@@ -14,8 +14,8 @@ const PLACE: Geodetic = Geodetic {
 };
 const RATE_HZ: i64 = 100;
 
-/// A level vehicle that stands with perfect sensors, but for what its up gyro reads besides.
-fn stand(navigator: &mut Navigator, from_s: i64, to_s: i64, up_gyro_radps: f64) {
+/// A level, stationary vehicle with perfect sensors, except for an additional rate of the up gyro.
+fn run_at_rest(navigator: &mut Navigator, from_s: i64, to_s: i64, up_gyro_radps: f64) {
     let earth = LocalEarth::at(PLACE.latitude_rad, PLACE.height_m);
     for tick in RATE_HZ * from_s + 1..=RATE_HZ * to_s {
         let time = Time::from_micros(tick * 1_000_000 / RATE_HZ);
@@ -42,41 +42,41 @@ fn up_gyro_deg_s(navigator: &Navigator) -> f64 {
     navigator.estimates().gyro_bias_radps[2].value.to_degrees()
 }
 
-/// On a turntable, say: slow and even, it looks like rest.
+/// As on a turntable: a slow and constant rate resembles rest.
 #[test]
-fn a_slow_turn_is_not_a_gyro_bias() {
+fn a_slow_turn_is_not_estimated_as_gyro_bias() {
     let config = Config {
         heading: HeadingSource::Given(0.0),
         ..Config::mems()
     };
     let mut navigator = Navigator::new(config).unwrap();
-    stand(&mut navigator, 0, 60, 0.0);
+    run_at_rest(&mut navigator, 0, 60, 0.0);
     assert_eq!(navigator.phase(), Phase::Navigating);
-    stand(&mut navigator, 60, 70, 0.5_f64.to_radians());
-    stand(&mut navigator, 70, 80, 0.0);
-    // Of a rate of 0.5 deg/s, a hundredth at most; the heading has turned to the left by 5 deg.
+    run_at_rest(&mut navigator, 60, 70, 0.5_f64.to_radians());
+    run_at_rest(&mut navigator, 70, 80, 0.0);
+    // At most a hundredth of the rate of 0.5 deg/s; the heading has changed to the left by 5 deg.
     let gyro = up_gyro_deg_s(&navigator);
     assert!(gyro.abs() < 0.005, "{gyro}");
-    let turned = -navigator
+    let turned_deg = -navigator
         .solution()
         .unwrap()
         .euler()
         .heading_rad
         .to_degrees();
-    assert!((turned - 5.0).abs() < 0.1, "{turned}");
+    assert!((turned_deg - 5.0).abs() < 0.1, "{turned_deg}");
 }
 
-/// While a gyro warms up its bias moves by more than a minute's mean is uncertain; a vehicle that
-/// begins to turn on the spot looks the same. Either way it is said.
+/// During warm-up a gyro bias changes by more than the uncertainty of a minute's mean; a vehicle that begins to
+/// turn on the spot looks the same. The sigma must cover both.
 #[test]
-fn a_bias_that_moves_before_the_start_is_not_held_for_known() {
+fn a_changing_bias_before_the_start_has_a_larger_sigma() {
     let config = Config {
         heading: HeadingSource::Motion,
         ..Config::mems()
     };
     let mut navigator = Navigator::new(config).unwrap();
-    stand(&mut navigator, 0, 60, 0.0);
-    stand(&mut navigator, 60, 70, 0.5_f64.to_radians());
+    run_at_rest(&mut navigator, 0, 60, 0.0);
+    run_at_rest(&mut navigator, 60, 70, 0.5_f64.to_radians());
     assert_eq!(navigator.phase(), Phase::FindingHeading);
     let gyro = up_gyro_deg_s(&navigator);
     let sigma = navigator.estimates().gyro_bias_radps[2].sigma.to_degrees();
@@ -86,59 +86,59 @@ fn a_bias_that_moves_before_the_start_is_not_held_for_known() {
     );
 }
 
-/// Whether it simply stands, or is shaken for longer than rest is waited for.
+/// At rest, or moved for longer than alignment waits for rest.
 #[test]
-fn gyros_that_resolve_the_earth_rate_are_a_compass() {
-    for shaken_s in [0, 30] {
+fn gyrocompassing_finds_the_heading() {
+    for moved_s in [0, 30] {
         let mut navigator = Navigator::new(Config::hg1700()).unwrap();
-        for from_s in 0..shaken_s {
+        for from_s in 0..moved_s {
             let turn_radps = if from_s % 2 == 0 { 0.1 } else { -0.1 };
-            stand(&mut navigator, from_s, from_s + 1, turn_radps);
+            run_at_rest(&mut navigator, from_s, from_s + 1, turn_radps);
         }
-        stand(&mut navigator, shaken_s, shaken_s + 55, 0.0);
+        run_at_rest(&mut navigator, moved_s, moved_s + 55, 0.0);
         assert_ne!(navigator.phase(), Phase::Navigating);
-        stand(&mut navigator, shaken_s + 55, shaken_s + 75, 0.0);
-        assert_eq!(navigator.phase(), Phase::Navigating, "{shaken_s}");
-        let off = wrap_pi(navigator.solution().unwrap().euler().heading_rad);
+        run_at_rest(&mut navigator, moved_s + 55, moved_s + 75, 0.0);
+        assert_eq!(navigator.phase(), Phase::Navigating, "{moved_s}");
+        let error = wrap_pi(navigator.solution().unwrap().euler().heading_rad);
         let sigma = navigator.sigma().unwrap().attitude_rad.z;
-        // 1 deg/h of bias, of 8.5 that point north.
+        // 1 deg/h of bias relative to 8.5 of north Earth rate.
         assert!(
-            off.abs() < 0.01 && (0.05..0.2).contains(&sigma),
-            "{off} {sigma}"
+            error.abs() < 0.01 && (0.05..0.2).contains(&sigma),
+            "{error} {sigma}"
         );
     }
 }
 
-/// At anchor it turns slowly for minutes, as a bias of the gyro would: what headings say counts more.
+/// At anchor a boat yaws slowly for minutes, like a gyro bias: measured headings take precedence.
 #[test]
-fn a_swing_is_no_bias_where_headings_are_measured() {
+fn yawing_with_measured_headings_is_not_estimated_as_bias() {
     let mut navigator = Navigator::new(Config {
         heading: HeadingSource::Given(0.0),
         ..Config::mems()
     })
     .unwrap();
-    let (swing_rad, radps) = (11.5_f64.to_radians(), TAU / 240.0);
-    let (mut refused, mut off) = (0, 0.0);
+    let (amplitude_rad, radps) = (11.5_f64.to_radians(), TAU / 240.0);
+    let (mut rejected, mut error) = (0, 0.0);
     for second in 0_i32..1200 {
         let phase = radps * (f64::from(second) + 0.5);
         let (from_s, to_s) = (i64::from(second), i64::from(second) + 1);
-        stand(
+        run_at_rest(
             &mut navigator,
             from_s,
             to_s,
-            swing_rad * radps * phase.cos(),
+            amplitude_rad * radps * phase.cos(),
         );
-        // Up is to the left.
-        let heading_rad = -swing_rad * (radps * f64::from(second + 1)).sin();
+        // A positive up rate turns left.
+        let heading_rad = -amplitude_rad * (radps * f64::from(second + 1)).sin();
         let outcome = navigator.on_heading(&Heading {
             time: Time::from_micros(1_000_000 * to_s),
             heading_rad,
             sigma_rad: 0.5_f64.to_radians(),
         });
-        refused += i32::from(outcome == GnssOutcome::Outlier);
+        rejected += i32::from(outcome == GnssOutcome::Outlier);
         if let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) {
-            off = wrap_pi(solution.euler().heading_rad - heading_rad) / sigma.attitude_rad.z;
+            error = wrap_pi(solution.euler().heading_rad - heading_rad) / sigma.attitude_rad.z;
         }
     }
-    assert!(refused == 0 && off.abs() < 4.5, "{refused} {off}");
+    assert!(rejected == 0 && error.abs() < 4.5, "{rejected} {error}");
 }

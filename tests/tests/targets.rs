@@ -1,8 +1,8 @@
-//! Core compiles for every kind of microcontroller, and with each feature alone.
+//! The core compiles for every kind of microcontroller, and with each feature alone.
 
 use ins_tests::cargo::{cargo, require_target, succeed};
 
-/// Cortex-M4F and M7, M0, M33, and a core that is no Cortex at all.
+/// Cortex-M4F and M7, M0, M33, and RISC-V.
 const TARGETS: [&str; 4] = [
     "thumbv7em-none-eabihf",
     "thumbv6m-none-eabi",
@@ -28,21 +28,21 @@ fn compile(targets: &[&str], features: &str) -> Result<(), String> {
 }
 
 #[test]
-fn every_target() -> Result<(), String> {
+fn core_compiles_for_every_target() -> Result<(), String> {
     compile(&TARGETS, "serde,defmt,literal")
 }
 
 #[test]
-fn each_feature_alone() -> Result<(), String> {
+fn core_compiles_with_each_feature_alone() -> Result<(), String> {
     for features in ["", "serde", "defmt", "literal"] {
         compile(&TARGETS[..1], features)?;
     }
     Ok(())
 }
 
-/// The program of the porting page, as it stands there, in a crate of its own.
+/// The program of the porting page, in its own crate.
 #[test]
-fn the_documented_program() -> Result<(), String> {
+fn the_documented_program_compiles() -> Result<(), String> {
     let page = include_str!("../../docs/porting.md");
     let (_, rest) = page.split_once("```rust\n").ok_or("no program")?;
     let (program, _) = rest.split_once("```").ok_or("no end of the program")?;
@@ -61,7 +61,7 @@ fn the_documented_program() -> Result<(), String> {
             .and_then(|()| std::fs::write(&path, text))
             .map_err(|error| error.to_string())?;
     }
-    // The versions that everything else is built with.
+    // The same versions as the other builds.
     std::fs::copy(
         concat!(
             env!("CARGO_MANIFEST_DIR"),
@@ -78,7 +78,7 @@ fn the_documented_program() -> Result<(), String> {
 }
 
 #[test]
-fn a_missing_target_is_named() {
+fn a_missing_target_is_reported() {
     let sentence = require_target("armv4t-none-eabi").unwrap_err();
     assert!(
         sentence.contains("rustup target add armv4t-none-eabi"),

@@ -1,5 +1,5 @@
-//! Published filters on the emulated board, behind the same link as the firmware, so that the host
-//! drives them and counts their calls in the same way.
+//! Published filters on the emulated board, with the same link as the firmware, so that the host runs and counts
+//! them in the same way.
 #![no_std]
 
 pub mod filters;

@@ -1,4 +1,4 @@
-//! A published filter in the navigator's place behind the link.
+//! A published filter instead of the navigator behind the link.
 
 use core::hint::black_box;
 
@@ -47,13 +47,13 @@ impl<P: Peer> Navigates for Navigation<P> {
         timer: &impl Timer,
     ) -> Result<Answer<ImuOutcome>, NotStarted> {
         self.first.get_or_insert(*sample);
-        let (mut taken, mut ticks) = (true, 0);
+        let (mut accepted, mut ticks) = (true, 0);
         if let Some(peer) = &mut self.peer
             && let Some(sample) = black_box(P::sample(sample))
         {
-            (taken, ticks) = timer.time(|| black_box(P::on_imu)(peer, sample));
+            (accepted, ticks) = timer.time(|| black_box(P::on_imu)(peer, sample));
         }
-        let outcome = if taken {
+        let outcome = if accepted {
             ImuOutcome::Accepted
         } else {
             ImuOutcome::NotFinite
@@ -66,11 +66,11 @@ impl<P: Peer> Navigates for Navigation<P> {
         fix: &GnssFix,
         timer: &impl Timer,
     ) -> Result<Answer<GnssOutcome>, NotStarted> {
-        let (mut taken, mut ticks) = (true, 0);
+        let (mut accepted, mut ticks) = (true, 0);
         match (&mut self.peer, &self.first) {
             (Some(peer), _) => {
                 if let Some(fix) = black_box(P::fix(fix)) {
-                    (taken, ticks) = timer.time(|| black_box(P::on_gnss)(peer, fix));
+                    (accepted, ticks) = timer.time(|| black_box(P::on_gnss)(peer, fix));
                 }
             }
             (peer, Some(first)) => {
@@ -78,7 +78,7 @@ impl<P: Peer> Navigates for Navigation<P> {
             }
             (None, None) => {}
         }
-        let outcome = if taken {
+        let outcome = if accepted {
             GnssOutcome::Accepted
         } else {
             GnssOutcome::Outlier

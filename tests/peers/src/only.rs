@@ -1,5 +1,4 @@
-//! A filter's start, prediction and velocity update and nothing else, as the firmware's program
-//! `core_only` is of the core.
+//! A filter's start, prediction and velocity update alone, like the firmware's program `core_only` for the core.
 
 use core::hint::black_box;
 

@@ -1,4 +1,4 @@
-//! Answers requests as the firmware does: frames in on the standard input, frames out.
+//! Replies to requests like the firmware: frames on standard input and output.
 
 use std::error::Error;
 use std::io::{BufWriter, Read, Write, stdin, stdout};

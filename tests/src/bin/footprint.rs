@@ -1,5 +1,5 @@
-//! What the navigator costs on a microcontroller, beside published filters and its goals, counted
-//! in the emulator: a table in Markdown.
+//! Cost of the navigator on a microcontroller compared with published filters and its goals, counted in the
+//! emulator: a table in Markdown.
 //!
 //! `cargo run --release -p ins-tests --bin footprint`
 
@@ -11,7 +11,7 @@ use host_sim::page::table::markdown;
 use ins_tests::firmware::FOR_SIZE;
 use ins_tests::footprint::{Footprint, goal, ours, peer};
 
-/// A figure, and its goal on the Cortex-M7 if it has one.
+/// A figure, and its goal on the Cortex-M7 if any.
 type Row = (&'static str, fn(&Footprint) -> u64, Option<u64>);
 
 const ROWS: [Row; 8] = [

@@ -1,4 +1,4 @@
-//! Cost per 100 Hz step beside `JSBSim`'s c172x alone, in one run:
+//! Cost per 100 Hz step compared with `JSBSim`'s c172x, in one run:
 //! `cargo run --release -p ins-tests --bin jsbsim-cost`.
 
 use std::path::Path;
@@ -27,7 +27,7 @@ fn per_step(run: impl FnOnce()) -> f64 {
     start.elapsed().as_secs_f64() / f64::from(STEPS)
 }
 
-/// The core over a flight as firmware would run it.
+/// The core over a flight, called as by firmware.
 fn navigate(run: &SimulatedDrive, config: Config) {
     let mut navigator = Navigator::new(config).expect("the preset is valid");
     for event in in_order_of_time(&run.imu, &run.gnss) {

@@ -3,7 +3,7 @@
 
 use host_sim::page::table::{markdown, plain};
 use ins_tests::aircraft::{
-    CESSNA_182_MODES, MODE_ROWS, cessna_182, ours, ours_with_its_numbers, reference, table,
+    CESSNA_182_MODES, MODE_ROWS, cessna_182, ours, ours_with_jsbsim_parameters, reference, table,
 };
 
 fn main() -> Result<(), String> {
@@ -11,7 +11,7 @@ fn main() -> Result<(), String> {
     let (header, rows) = table(&ours(), &reference, true);
     println!("{}", markdown(&header, &rows));
     println!("{}", cessna_182_table()?);
-    let (header, rows) = table(&ours_with_its_numbers(&reference), &reference, false);
+    let (header, rows) = table(&ours_with_jsbsim_parameters(&reference), &reference, false);
     println!(
         "With JSBSim's inertia and pitching moment in our equations:\n\n{}",
         plain(&header, &rows)

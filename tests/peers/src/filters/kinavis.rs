@@ -22,13 +22,13 @@ impl Peer for KinavisIns {
         let angle = |radians: f64| Angle::from_degrees(radians.to_degrees()).ok();
         let turns = libm::floor(at_rest.heading_rad.to_degrees() / 360.0);
         let course = TrueCourse::new(at_rest.heading_rad.to_degrees() - 360.0 * turns).ok()?;
-        let place = Position::from_degrees(
+        let position = Position::from_degrees(
             at_rest.position.latitude_rad.to_degrees(),
             at_rest.position.longitude_rad.to_degrees(),
         );
         let strapdown = Strapdown::new(
             Instant::<Utc>::from_unix_seconds(0),
-            GeodeticPoint::new(place.ok()?, Height::above_ellipsoid(Distance::ZERO)),
+            GeodeticPoint::new(position.ok()?, Height::above_ellipsoid(Distance::ZERO)),
             Vector3::new(Speed::ZERO, Speed::ZERO, Speed::ZERO),
             Quaternion::from_euler(angle(at_rest.roll_rad)?, angle(at_rest.pitch_rad)?, course),
         )

@@ -26,15 +26,15 @@ pub trait Peer: Clone {
     fn new(at_rest: &AtRest) -> Option<Self>;
     /// Converts a sample of increments.
     fn sample(sample: &ImuSample) -> Option<Self::Sample>;
-    /// Converts a fix; its stamp is when it was true.
+    /// Converts a fix, whose time stamp is its time of validity.
     fn fix(fix: &GnssFix) -> Option<Self::Fix>;
-    /// Predicts. Whether the sample was taken.
+    /// Predicts; whether the sample was accepted.
     fn on_imu(&mut self, sample: Self::Sample) -> bool;
-    /// Updates with a velocity. Whether it was taken.
+    /// Updates with a velocity; whether it was accepted.
     fn on_gnss(&mut self, fix: Self::Fix) -> bool;
 }
 
-/// Where and how the vehicle stands.
+/// State of the vehicle at rest.
 pub struct AtRest {
     pub time: Time,
     pub position: Geodetic,

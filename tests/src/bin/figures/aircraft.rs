@@ -33,7 +33,7 @@ pub fn performance_table() -> Result<String> {
     Ok(markdown(&header, &performance()?.map(row)))
 }
 
-/// So many flights from the first seed on, damped and then free.
+/// Statistics of flights, aided and then unaided.
 pub fn flights(runs: u64) -> Result<String> {
     let settings = Settings {
         minutes_aided: 40,

@@ -1,5 +1,5 @@
-//! How honest the core is: every kind of conditions for docs/, and for the README what the judges
-//! say of each quantity.
+//! Consistency of the core: every kind of conditions for docs/, and the results of the judging kinds for each
+//! quantity for the README.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use host_sim::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, Tri
 use host_sim::study::flights::statistics::median;
 use indicatif::ProgressBar;
 
-/// All kinds over so many seeds, the Kalman filter beside the core.
+/// All kinds with a number of seeds, core and Kalman filter.
 pub fn results(seeds: u64) -> Vec<Results> {
     let study = Study {
         kinds: all().collect(),
@@ -26,7 +26,7 @@ pub fn results(seeds: u64) -> Vec<Results> {
     study.results(&ProgressBar::new(0).with_message("running"))
 }
 
-/// Totals, what is worst beside the Kalman filter, and a row for each kind.
+/// Totals, worst results compared with the Kalman filter, and a row for each kind.
 pub fn page(results: &[Results]) -> String {
     let mut tables = vec![totals_table(&totals(results))];
     tables.extend(worst_table(results));
@@ -35,7 +35,7 @@ pub fn page(results: &[Results]) -> String {
     tables.join("\n")
 }
 
-/// Rows of the README: quantities that are alike go together.
+/// Rows of the README: similar quantities are combined.
 const SUMMARY: [(&str, Range<usize>); 10] = [
     ("heading", 0..1),
     ("roll and pitch", 1..2),
@@ -49,7 +49,7 @@ const SUMMARY: [(&str, Range<usize>); 10] = [
     ("position in outages", 16..18),
 ];
 
-/// A row for some quantities over the kinds that judge.
+/// A row for some quantities over the judging kinds.
 pub fn summary(results: &[Results]) -> String {
     let classes = [Grade::Mems, Grade::Hg1700];
     let mut header = heads("| unit");

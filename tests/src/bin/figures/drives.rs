@@ -1,4 +1,4 @@
-//! Many seeded drives: errors of both forms and of a Kalman filter beside each other.
+//! Many seeded drives: errors of both forms and of a Kalman filter.
 
 use std::path::Path;
 
@@ -17,25 +17,25 @@ use ins_core::config::Form;
 use ins_tests::pages;
 use miette::{Result, miette};
 
-/// How wrong a user is taken to be.
-const WRONG: f64 = 3.0;
+/// Assumed factor of errors in the configured noise.
+const NOISE_FACTOR: f64 = 3.0;
 
-/// A quantity has converged below so many times the error that a Kalman filter with known noise
-/// ends with.
+/// A quantity has converged if its error is below this times the final error of a Kalman filter with known
+/// noise.
 const CONVERGED: f64 = 2.0;
 
 fn results(study: Study) -> Result<Results> {
-    driven(study, &|_| {}, &|_| {})
+    drive_results(study, &|_| {}, &|_| {})
 }
 
-/// With other sensors, and with another configuration.
-fn driven(
+/// With modified sensors and configuration.
+fn drive_results(
     study: Study,
-    spoil: &(dyn Fn(&mut ErrorModel) + Sync),
+    modify: &(dyn Fn(&mut ErrorModel) + Sync),
     tune: &(dyn Fn(&mut Config) + Sync),
 ) -> Result<Results> {
     let runs = study
-        .drive(spoil, tune, &ProgressBar::new(study.runs))
+        .drive(modify, tune, &ProgressBar::new(study.runs))
         .map_err(|error| miette!("the study cannot be run: {}", error))?;
     Ok(Results::new(study, runs))
 }
@@ -44,19 +44,19 @@ fn driven(
 pub fn hg1700(root: &Path, runs: u64) -> Result<String> {
     let results = results(Study::new(Grade::Hg1700, runs))?;
     pages::picture(root, "accuracy.svg", &picture(&results))?;
-    Ok(of_all(&results))
+    Ok(markdown_of(&results))
 }
 
 /// Consumer MEMS.
 pub fn mems(runs: u64) -> Result<String> {
-    results(Study::new(Grade::Mems, runs)).map(|results| of_all(&results))
+    results(Study::new(Grade::Mems, runs)).map(|results| markdown_of(&results))
 }
 
-fn of_all(results: &Results) -> String {
+fn markdown_of(results: &Results) -> String {
     let study = &results.study;
     let mut table = results.table();
     if !study.has_limits() {
-        // Limit and goal stand last.
+        // Limit and goal are the last columns.
         let rows = table.rows.iter_mut();
         rows.chain([&mut table.header])
             .for_each(|row| row.truncate(5));
@@ -74,58 +74,58 @@ fn of_all(results: &Results) -> String {
 }
 
 /// Gyros without biases.
-fn spare_gyro_biases(errors: &mut ErrorModel) {
+fn without_gyro_biases(errors: &mut ErrorModel) {
     errors.gyro_deg_h.bias = BiasModel::constant(0.0);
 }
 
-/// Nor have accelerometers any, and there is no latency.
-fn spare_biases(errors: &mut ErrorModel) {
-    spare_gyro_biases(errors);
+/// Also accelerometers without biases, and no latency.
+fn without_biases(errors: &mut ErrorModel) {
+    without_gyro_biases(errors);
     errors.accel_mps2.bias = BiasModel::constant(0.0);
     errors.gnss.latency_s = [0.0; 2];
 }
 
-/// And a hundredth of the noise of velocities.
-fn spare_velocity_noise(errors: &mut ErrorModel) {
-    spare_biases(errors);
+/// Also a hundredth of the velocity noise.
+fn without_velocity_noise(errors: &mut ErrorModel) {
+    without_biases(errors);
     errors.gnss.velocity_sigma_mps *= 0.01;
 }
 
 /// RMS errors of both forms over the bandwidth of the horizontal loop.
 pub fn forms(runs: u64) -> Result<String> {
-    type Spoil = fn(&mut ErrorModel);
-    let forms: [(&str, Form, Spoil, &[f64]); 5] = [
+    type Modify = fn(&mut ErrorModel);
+    let forms: [(&str, Form, Modify, &[f64]); 5] = [
         ("exact", Form::Exact, |_| {}, &[0.15, 0.3, 0.5, 1.0, 1.2]),
         ("literal", Form::Literal, |_| {}, &[0.3, 0.5, 1.0]),
         (
             "literal, gyros without biases",
             Form::Literal,
-            spare_gyro_biases,
+            without_gyro_biases,
             &[0.5],
         ),
         (
             "... nor accelerometers, nor latency",
             Form::Literal,
-            spare_biases,
+            without_biases,
             &[0.5],
         ),
         (
             "... and a hundredth of the velocity noise",
             Form::Literal,
-            spare_velocity_noise,
+            without_velocity_noise,
             &[0.5],
         ),
     ];
     let mut rows = Vec::new();
     let mut header = heads("form | w0, rad/s | converged");
-    for (name, form, spoil, bandwidths) in forms {
+    for (name, form, modify, bandwidths) in forms {
         for bandwidth in bandwidths {
             let study = Study {
                 form: Some(form),
                 bandwidth_radps: Some(*bandwidth),
                 ..Study::new(Grade::Hg1700, runs)
             };
-            let results = driven(study, &spoil, &|_| {})?;
+            let results = drive_results(study, &modify, &|_| {})?;
             let of = format!("{} of {runs}", results.converged);
             let mut row = vec![name.to_owned(), bandwidth.to_string(), of];
             row.extend((results.quantities.iter()).map(|row| brief(row.rms_error)));
@@ -138,17 +138,16 @@ pub fn forms(runs: u64) -> Result<String> {
     Ok(markdown(&header, &rows))
 }
 
-/// RMS errors with noise known and guessed, how soon they are reached, and the time of each in
-/// one run.
+/// RMS errors with known and wrongly configured noise, convergence times, and computing times.
 pub fn kalman(runs: u64) -> Result<String> {
     let studies = [
         compensation(runs, 1.0)?,
         filter(runs, 1.0, true)?,
         filter(runs, 1.0, false)?,
-        filter(runs, 1.0 / WRONG, true)?,
-        filter(runs, WRONG, true)?,
-        compensation(runs, 1.0 / WRONG)?,
-        compensation(runs, WRONG)?,
+        filter(runs, 1.0 / NOISE_FACTOR, true)?,
+        filter(runs, NOISE_FACTOR, true)?,
+        compensation(runs, 1.0 / NOISE_FACTOR)?,
+        compensation(runs, NOISE_FACTOR)?,
     ];
     let table = |head: &str, row: fn(&[Results; 7], usize) -> Vec<String>| {
         let mut header = heads(head);
@@ -184,7 +183,7 @@ fn errors(studies: &[Results; 7], which: usize) -> Vec<String> {
     row
 }
 
-/// Until errors are, and stay, as small as those of the best filter, or nearly so.
+/// Convergence times, relative to the final errors of the best filter.
 fn times(studies: &[Results; 7], which: usize) -> Vec<String> {
     let [_, limit, ..] = studies;
     let level = CONVERGED * limit.quantities[which].rms_error;
@@ -202,11 +201,11 @@ fn times(studies: &[Results; 7], which: usize) -> Vec<String> {
 
 fn compensation(runs: u64, factor: f64) -> Result<Results> {
     let study = Study::new(Grade::Hg1700, runs);
-    let guess = |config: &mut Config| {
+    let scale_noise = |config: &mut Config| {
         config.sensors.gyro_noise = config.sensors.gyro_noise.map(|noise| noise * factor);
         config.sensors.accel_noise = config.sensors.accel_noise.map(|noise| noise * factor);
     };
-    driven(study, &|_| {}, &guess)
+    drive_results(study, &|_| {}, &scale_noise)
 }
 
 fn filter(runs: u64, factor: f64, positions: bool) -> Result<Results> {

@@ -1,5 +1,5 @@
-//! The figures of the README and of docs/: every table and picture measured anew, nothing typed
-//! by hand. `cargo run --release -p ins-tests --bin figures -- --help`.
+//! Regenerates the tables and pictures of the README and of docs/:
+//! `cargo run --release -p ins-tests --bin figures -- --help`.
 
 mod aircraft;
 mod conditions;
@@ -15,7 +15,7 @@ use host_sim::study::reproduce;
 use ins_tests::pages::{self, Pages};
 use miette::{Result, miette};
 
-/// Measures the figures of the README and of docs/ anew and writes them there.
+/// Measures the figures of the README and of docs/ and writes them there.
 #[derive(Debug, Parser)]
 struct Figures {
     /// Top folder of the repository.
@@ -34,10 +34,10 @@ struct Figures {
     /// Folder of recordings of other programs; ../shared/formats beside the repository unless given.
     #[arg(long)]
     recordings: Option<PathBuf>,
-    /// Go on with the campaign that a measurement of this very program left unfinished.
+    /// Resume the unfinished campaign of an earlier measurement with the same program.
     #[arg(long)]
     resume: bool,
-    /// Table printed by another program, taken over into a part of a page.
+    /// Table printed by another program, inserted into a part of a page.
     #[arg(long, value_name = "PART=FILE", value_parser = insertion)]
     insert: Vec<(String, PathBuf)>,
 }
@@ -51,34 +51,34 @@ enum Part {
     AccuracyHg1700,
     /// Accuracy with consumer MEMS.
     AccuracyMems,
-    /// Every kind of conditions, and what the judges say for the README; seeds of each kind are a
-    /// twentieth of --runs.
+    /// Every kind of conditions, and the results of the judging kinds for the README; seeds of each
+    /// kind are a twentieth of --runs.
     Conditions,
     /// Exact and literal forms over the bandwidth of the loop.
     Forms,
-    /// Compensation beside a Kalman filter, over many drives.
+    /// Compensation compared with a Kalman filter, over many drives.
     Kalman,
     /// Outages of recorded logs, through the core, the Kalman filter and a peer.
     Outages,
     /// Recorded logs.
     Logs,
-    /// How far positions of recorded receivers wander.
+    /// Correlated position noise of recorded receivers.
     Wander,
-    /// Recordings of other programs and recorded logs, without a hand's help.
+    /// Recordings of other programs and recorded logs, without manual settings.
     Recordings,
     /// Drift without GNSS of recorded drives, predicted from others of the same unit.
     Proof,
-    /// Error models found from drives: units behind it are --runs, 200 at most.
+    /// Error models identified from drives: --runs units, 200 at most.
     Recovery,
     /// Accuracy of flights predicted from drives.
     Campaign,
-    /// Sigmas predicted of drives, beside what drives reach.
+    /// Predicted sigmas of drives, compared with simulated drives.
     PlanDrive,
     /// Performance of the aircraft.
     Aircraft,
     /// Flights without GNSS; some minutes.
     Flights,
-    /// The thesis's figures and tables beside ours.
+    /// The thesis's figures and tables compared with ours.
     Reproduce,
     /// Mechanization on ideal sensors.
     ErrorFree,
@@ -91,26 +91,26 @@ fn insertion(text: &str) -> Result<(String, PathBuf), String> {
     Ok((part.to_owned(), file.into()))
 }
 
-/// Measures the parts that are asked for and rewrites the pages, all at once.
+/// Measures the selected parts, then rewrites the pages.
 fn main() -> Result<()> {
     let options = Figures::parse();
     let root = &options.repository;
     let mut pages = Pages::read(root)?;
     let mut texts = Vec::new();
     let parts = match options.only.as_slice() {
-        // With tables to take over and nothing else named, nothing is measured.
+        // With `--insert` alone nothing is measured.
         [] if !options.insert.is_empty() => &[],
         [] => Part::value_variants(),
         only => only,
     };
     for part in parts {
         let name = part.name();
-        // A missing marker must show before the work, not after it.
+        // Missing markers are reported before the work.
         pages.check(&name)?;
         eprintln!("measuring: {name}");
         texts.extend(part.measure(&options)?);
     }
-    // Anew: pages may have been worked on meanwhile.
+    // Read again: pages may have been edited meanwhile.
     pages = Pages::read(root)?;
     for (name, text) in texts {
         pages.replace(&name, &text)?;
@@ -128,7 +128,7 @@ impl Part {
             .map_or(String::new(), |value| value.get_name().to_owned())
     }
 
-    /// Texts by the names of their places; what cannot be measured here is left as it is.
+    /// Texts by the names of their parts; parts that cannot be measured here stay unchanged.
     fn measure(self, options: &Figures) -> Result<Vec<(String, String)>> {
         let (root, logs) = (&options.repository, options.logs.as_deref());
         let text = match self {

@@ -1,4 +1,4 @@
-//! What commands of the program write.
+//! Output of commands.
 
 use std::fs;
 use std::path::Path;
@@ -16,7 +16,7 @@ fn host_sim(arguments: &[&str]) -> Result<()> {
     run(&Cli::try_parse_from(all).into_diagnostic()?)
 }
 
-/// The drive of `demo`, what is found on it, and its picture.
+/// The drive of `demo`: its estimates and its picture.
 pub fn demo(root: &Path) -> Result<String> {
     let folder = tempfile::tempdir().into_diagnostic()?;
     let log = folder.path().join("log");
@@ -26,7 +26,7 @@ pub fn demo(root: &Path) -> Result<String> {
     Ok(analysis.table().markdown())
 }
 
-/// How well the parameters of error models are found.
+/// Accuracy of identified error models.
 pub fn recovery(units: u64) -> Result<String> {
     let folder = tempfile::tempdir().into_diagnostic()?;
     let out = folder.path().join("recovery");
@@ -35,14 +35,13 @@ pub fn recovery(units: u64) -> Result<String> {
     fs::read_to_string(out.join("recovery.md")).into_diagnostic()
 }
 
-/// The campaign of the example plan; what an earlier measurement has finished stands if it is
-/// resumed, and is set aside else.
+/// The campaign of the example plan; resumed, or started anew.
 pub fn campaign(root: &Path, resume: bool) -> Result<String> {
     let plan = root.join("host-sim/campaigns/hg1700.toml");
     let out = root.join("out/campaign");
     let (plan, to) = (plan.to_string_lossy(), out.to_string_lossy());
-    let anew = (!resume).then_some("--force");
-    let arguments = ["campaign", &plan, "--out", &to].into_iter().chain(anew);
+    let force = (!resume).then_some("--force");
+    let arguments = ["campaign", &plan, "--out", &to].into_iter().chain(force);
     host_sim(&arguments.collect::<Vec<_>>())?;
     Ok(campaign_summary(&[&out])?.table().markdown())
 }

@@ -17,9 +17,9 @@ use host_sim::{Drives, log, study};
 use indicatif::ProgressBar;
 use miette::{Result, miette};
 
-/// What every recorded log gives; `None` if there are none.
+/// Estimates of every recorded log; `None` if there are none.
 pub fn logs(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
-    let logs = found(root, folder);
+    let logs = recorded_logs(root, folder);
     if logs.is_empty() {
         return Ok(None);
     }
@@ -32,8 +32,8 @@ pub fn logs(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
     Ok(Some(markdown(&header, &rows)))
 }
 
-/// What is found in every recording of another program, and in every recorded log, without a
-/// hand's help; `None` without recordings.
+/// Estimates from every recording of another program and every recorded log, without manual settings; `None` without
+/// recordings.
 pub fn recordings(root: &Path, folder: Option<&Path>, logs: Option<&Path>) -> Option<String> {
     let folder = folder.map_or_else(|| root.join("../shared/formats"), Path::to_owned);
     let entries = folder.read_dir().into_iter().flatten().flatten();
@@ -46,15 +46,15 @@ pub fn recordings(root: &Path, folder: Option<&Path>, logs: Option<&Path>) -> Op
         return None;
     }
     paths.sort();
-    paths.extend(found(root, logs));
+    paths.extend(recorded_logs(root, logs));
     let rows: Vec<_> = (paths.iter())
         .flat_map(|path| study::recordings::recordings(path, None))
         .collect();
     Some(study::recordings::table(&rows).markdown())
 }
 
-/// The recorded logs, in order of their names; says so if there are none.
-fn found(root: &Path, folder: Option<&Path>) -> Vec<PathBuf> {
+/// Recorded logs sorted by name; prints a note if there are none.
+fn recorded_logs(root: &Path, folder: Option<&Path>) -> Vec<PathBuf> {
     let default = || env::var_os("INS_LOGS").map_or(root.join("../shared/data"), PathBuf::from);
     let folder = folder.map_or_else(default, Path::to_owned);
     let entries = folder.read_dir().into_iter().flatten().flatten();
@@ -89,7 +89,7 @@ fn row(analysis: &Analysis) -> Vec<String> {
     let error = &summary.velocity_error_mps;
     let number = |value: Option<f64>| value.map_or("-".to_owned(), brief);
     let both = error.before.zip(error.after);
-    let less = both.map(|(before, after)| before / after);
+    let factor = both.map(|(before, after)| before / after);
     vec![
         summary.log.clone(),
         format!("{:.0}", summary.duration_s),
@@ -100,7 +100,7 @@ fn row(analysis: &Analysis) -> Vec<String> {
         known(&quantities.gnss_latency_ms),
         number(error.before),
         number(error.after),
-        number(less),
+        number(factor),
     ]
 }
 
@@ -111,7 +111,7 @@ pub fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
         return Ok(None);
     }
     let mut rows = Vec::new();
-    for path in found(root, folder) {
+    for path in recorded_logs(root, folder) {
         let (log, _) = log::read(&path)?;
         let config = configure::config(&log, configure::grade(&log, None));
         let test = outage::test(&log, false, config, Noise::of_config(&config))
@@ -130,10 +130,10 @@ pub fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
     Ok((!rows.is_empty()).then(|| markdown(&header, &rows)))
 }
 
-/// How far positions of recorded receivers wander; `None` without logs.
+/// Correlated position noise of recorded receivers; `None` without logs.
 pub fn wander(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
     let mut rows = Vec::new();
-    for path in found(root, folder) {
+    for path in recorded_logs(root, folder) {
         let (log, _) = log::read(&path)?;
         rows.extend(Wander::of(&log.gnss).map(|wander| (log_name(&path, &log), wander)));
     }
@@ -151,10 +151,10 @@ const LONG: [&str; 2] = [
     "yk_urban_long_turn_loop_nominal_001",
 ];
 
-/// Simulations of each drive on which a model is tried.
+/// Simulations of each drive in the comparison.
 const SEEDS: u64 = 20;
 
-/// Recorded drives of one unit that its model is of, and others that it is tried on.
+/// Recorded drives of one unit for its model, and others for the comparison.
 const TRIALS: [(&[&str], &[&str]); 4] = [
     (&TURNS, &LONG),
     (
@@ -167,13 +167,13 @@ const TRIALS: [(&[&str], &[&str]); 4] = [
 
 /// Drift predicted from recorded drives; `None` without them.
 pub fn proof(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
-    let logs = found(root, folder);
+    let logs = recorded_logs(root, folder);
     if logs.is_empty() {
         return Ok(None);
     }
     let named = |names: &[&str]| -> Vec<PathBuf> {
-        let is_one = |log: &&PathBuf| names.iter().any(|name| log.ends_with(name));
-        logs.iter().filter(is_one).cloned().collect()
+        let is_named = |log: &&PathBuf| names.iter().any(|name| log.ends_with(name));
+        logs.iter().filter(is_named).cloned().collect()
     };
     let mut rows = Vec::new();
     for (drives, against) in TRIALS {

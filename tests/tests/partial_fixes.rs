@@ -1,4 +1,4 @@
-//! Fixes of which parts are missing: what is there is enough.
+//! Fixes with missing components.
 
 use std::sync::LazyLock;
 
@@ -18,8 +18,7 @@ static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
     simulate(&drive)
 });
 
-/// RMS errors over the last quarter: position, height, velocity, heading; and the same in the
-/// spreads that are stated.
+/// RMS errors over the last quarter; east velocity and heading also relative to their sigmas.
 struct Errors {
     position_m: f64,
     height_m: f64,
@@ -28,20 +27,20 @@ struct Errors {
     in_sigmas: [f64; 2],
 }
 
-/// What is left of each fix by `part`, after `whole_s` of whole ones.
-fn navigate(whole_s: f64, part: impl Fn(&GnssFix) -> GnssFix) -> Errors {
+/// Fixes reduced by `reduce` after `complete_s`, complete ones before.
+fn navigate(complete_s: f64, reduce: impl Fn(&GnssFix) -> GnssFix) -> Errors {
     let drive = &*DRIVE;
     let config = Config {
         heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.05),
         ..config_of(Grade::Hg1700)
     };
     let mut navigator: Navigator = Navigator::new(config).unwrap();
-    let partly = |fix: &GnssFix| {
-        let whole = fix.time.as_seconds() < whole_s;
-        if whole { *fix } else { part(fix) }
+    let reduced = |fix: &GnssFix| {
+        let is_complete = fix.time.as_seconds() < complete_s;
+        if is_complete { *fix } else { reduce(fix) }
     };
-    let fixes: Vec<GnssFix> = drive.gnss.iter().map(partly).collect();
-    // The truth begins with the moment before the first increment.
+    let fixes: Vec<GnssFix> = drive.gnss.iter().map(reduced).collect();
+    // The truth begins at the start of the first increment.
     let mut truths = drive.truth[1..].iter();
     let mut sums = [0.0; 6];
     let mut count = 0.0;
@@ -93,10 +92,10 @@ fn navigate(whole_s: f64, part: impl Fn(&GnssFix) -> GnssFix) -> Errors {
     }
 }
 
-/// One drive, of errors that last for minutes: an RMS may well be twice a sigma.
-fn assert_honest(errors: &Errors) {
+/// A single drive with errors correlated over minutes: an RMS of two sigmas is possible.
+fn assert_within_sigmas(errors: &Errors) {
     assert!(
-        errors.in_sigmas.iter().all(|off| *off < 2.5),
+        errors.in_sigmas.iter().all(|error| *error < 2.5),
         "{:?}",
         errors.in_sigmas
     );
@@ -107,7 +106,7 @@ fn all_parts() {
     let errors = navigate(0.0, |fix| *fix);
     assert!(errors.position_m < 1.0 && errors.height_m < 1.5);
     assert!(errors.velocity_mps < 0.05 && errors.heading_rad < 2e-3);
-    assert_honest(&errors);
+    assert_within_sigmas(&errors);
 }
 
 #[test]
@@ -119,7 +118,7 @@ fn position_and_height_without_velocity() {
     });
     assert!(errors.position_m < 1.5 && errors.height_m < 3.0);
     assert!(errors.velocity_mps < 0.2 && errors.heading_rad < 5e-3);
-    assert_honest(&errors);
+    assert_within_sigmas(&errors);
 }
 
 #[test]
@@ -141,7 +140,7 @@ fn no_height_and_no_vertical_velocity() {
         ..*fix
     });
     assert!(errors.position_m < 1.0 && errors.heading_rad < 2e-3);
-    // The car climbs by a part of a metre a second; without an assumption it would be tens of them.
+    // The car climbs at some dm/s; without an assumption errors would be tens of m/s.
     assert!(errors.velocity_mps < 1.0);
 }
 
@@ -153,17 +152,17 @@ fn height_without_vertical_velocity() {
     });
     assert!(errors.position_m < 1.0 && errors.height_m < 1.5);
     assert!(errors.velocity_mps < 0.1 && errors.heading_rad < 2e-3);
-    assert_honest(&errors);
+    assert_within_sigmas(&errors);
 }
 
 #[test]
 fn velocity_alone() {
-    // Where on Earth it is, it has to be told once.
+    // The position has to be known once.
     let errors = navigate(180.0, |fix| GnssFix {
         position: None,
         height_m: None,
         ..*fix
     });
     assert!(errors.velocity_mps < 0.05 && errors.heading_rad < 2e-3);
-    assert_honest(&errors);
+    assert_within_sigmas(&errors);
 }

@@ -1,6 +1,6 @@
-//! The core in a world that shares nothing with the simulator it was developed on: the Earth is a field of
-//! gravity in axes that turn, motion is a path of positions and attitudes, and sensors show its differences.
-//! What the core says of its errors is held against them.
+//! The core in a simulation that shares no code with the simulator it was developed on: the Earth is a gravity
+//! field in rotating axes, motion is a path of positions and attitudes, and sensors measure its differences.
+//! Errors are compared with the sigmas of the core.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -10,30 +10,30 @@ use ins_core::{
 };
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
-/// Of the path, and between two samples, s.
+/// Step of the path, s, and steps per sample.
 const STEP_S: f64 = 0.001;
 const SAMPLE: usize = 10;
-/// Between two fixes, in steps.
+/// Steps per fix.
 const FIX: usize = 200;
-/// Of a run: ten minutes.
+/// Steps of a run: ten minutes.
 const STEPS: usize = 600_000;
-/// Beyond so many of its own sigmas an error is wrong and sure.
-const SURE: f64 = 4.5;
+/// Errors beyond this are wrong and sure.
+const SURE_SIGMAS: f64 = 4.5;
 
 #[test]
-fn what_the_core_states_of_its_errors_holds_in_another_world() {
-    let mut judged = Judged::default();
+fn errors_are_within_sigmas_in_an_independent_simulation() {
+    let mut statistics = ErrorStatistics::default();
     for seed in 1..=4 {
         for kind in [Kind::Town, Kind::Hills, Kind::Bicycle, Kind::Multirotor] {
-            judged.run(kind, seed);
+            statistics.run(kind, seed);
         }
     }
-    judged.hold();
+    statistics.assert_consistent();
 }
 
-/// Errors of solutions, second by second, and of what is found at the end, in their sigmas.
+/// Normalized errors of solutions at every second, and of estimates at the end.
 #[derive(Debug, Default)]
-struct Judged {
+struct ErrorStatistics {
     heading: Row,
     tilt: Row,
     position: Row,
@@ -58,20 +58,20 @@ impl Row {
         let ratio = (error / sigma).abs();
         self.count += 1.0;
         self.squares += ratio * ratio;
-        self.wrong += f64::from(u8::from(ratio > SURE));
+        self.wrong += f64::from(u8::from(ratio > SURE_SIGMAS));
     }
 
-    fn add_known(&mut self, estimate: &Estimate, truth: f64) {
+    fn add_estimate(&mut self, estimate: &Estimate, truth: f64) {
         if estimate.observability == Observability::Observable {
             self.add(estimate.value - truth, estimate.sigma);
         }
     }
 }
 
-impl Judged {
-    /// Errors last: each of the sixteen runs has one of a kind at least, and the mean of sixteen squares of
-    /// normals is beyond 2.45 one time in a thousand.
-    fn hold(&self) {
+impl ErrorStatistics {
+    /// Errors are correlated over time: at least one is independent per run, and the mean of sixteen squared
+    /// normals exceeds 2.45 with a probability of 0.1 %.
+    fn assert_consistent(&self) {
         for (what, row) in [
             ("heading", &self.heading),
             ("tilt", &self.tilt),
@@ -92,17 +92,17 @@ impl Judged {
     }
 
     fn run(&mut self, kind: Kind, seed: u64) {
-        let world = World::new(kind, seed);
+        let simulation = Simulation::new(kind, seed);
         let mut config = Config::mems();
         config.imu_output = ImuOutput::Increments;
         let mut navigator = Navigator::new(config).unwrap();
         let mut unit = Unit::new(seed);
         let mut receiver = Receiver::new(seed);
-        let steps = world.path.len() - 1;
+        let steps = simulation.path.len() - 1;
         for step in 1..steps {
-            unit.feel(&world, step);
+            unit.add_step(&simulation, step);
             if step % FIX == 0 {
-                let fix = receiver.fix(&world, step);
+                let fix = receiver.fix(&simulation, step);
                 let _ = navigator.on_gnss(&fix);
             }
             if step % SAMPLE != 0 {
@@ -110,47 +110,52 @@ impl Judged {
             }
             let _ = navigator.on_imu(&unit.sample(step));
             if step % 1000 == 0 && navigator.phase() == Phase::Navigating {
-                self.look(&navigator, &world, step);
+                self.add_errors(&navigator, &simulation, step);
             }
         }
         let found = navigator.estimates();
-        // At one attitude a scale error is a bias.
-        let heavier = Vector3::z() * (found.level_force_mps2.norm() * unit.scale[1].z);
-        let accel_bias_mps2 = unit.accel_bias_mps2 + heavier;
+        // At a constant attitude a scale error is a bias.
+        let scale_error = Vector3::z() * (found.level_force_mps2.norm() * unit.scale[1].z);
+        let accel_bias_mps2 = unit.accel_bias_mps2 + scale_error;
         self.latency
-            .add_known(&found.gnss_latency_now_s, receiver.latency_s);
+            .add_estimate(&found.gnss_latency_now_s, receiver.latency_s);
         for axis in 0..3 {
             self.gyros
-                .add_known(&found.gyro_bias_radps[axis], unit.gyro_bias_radps[axis]);
+                .add_estimate(&found.gyro_bias_radps[axis], unit.gyro_bias_radps[axis]);
             self.accels
-                .add_known(&found.accel_bias_mps2[axis], accel_bias_mps2[axis]);
+                .add_estimate(&found.accel_bias_mps2[axis], accel_bias_mps2[axis]);
             self.arm
-                .add_known(&found.lever_arm_m[axis], receiver.arm_m[axis]);
+                .add_estimate(&found.lever_arm_m[axis], receiver.arm_m[axis]);
         }
     }
 
-    fn look(&mut self, navigator: &Navigator, world: &World, step: usize) {
+    fn add_errors(&mut self, navigator: &Navigator, simulation: &Simulation, step: usize) {
         let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) else {
             return;
         };
-        let (place, attitude) = world.at_end_of(step);
-        let (geodetic, enu) = geodetic(&(world.origin_m + world.to_earth * place));
-        let local = enu.transpose() * world.to_earth;
-        let velocity_mps = local * (world.path[step + 1].0 - world.path[step].0) / STEP_S;
+        let (position, attitude) = simulation.at_end_of(step);
+        let (geodetic, enu) = geodetic(&(simulation.origin_m + simulation.to_earth * position));
+        let local = enu.transpose() * simulation.to_earth;
+        let velocity_mps = local * (simulation.path[step + 1].0 - simulation.path[step].0) / STEP_S;
         let truth = Rotation3::from_matrix_unchecked(local * attitude.matrix());
-        let off_rad = (solution.attitude.to_rotation_matrix() * truth.inverse()).scaled_axis();
-        let off_mps = solution.velocity_enu_mps - velocity_mps;
-        let off_m = solution.position.enu_from(&geodetic);
+        let attitude_error =
+            (solution.attitude.to_rotation_matrix() * truth.inverse()).scaled_axis();
+        let velocity_error = solution.velocity_enu_mps - velocity_mps;
+        let position_error = solution.position.enu_from(&geodetic);
         if navigator.estimates().azimuth_error_rad.observability == Observability::Observable {
-            self.heading.add(wrap_pi(off_rad.z), sigma.attitude_rad.z);
+            self.heading
+                .add(wrap_pi(attitude_error.z), sigma.attitude_rad.z);
         }
         for axis in 0..2 {
-            self.tilt.add(off_rad[axis], sigma.attitude_rad[axis]);
-            self.velocity.add(off_mps[axis], sigma.velocity_mps[axis]);
-            self.position.add(off_m[axis], sigma.position_m[axis]);
+            self.tilt
+                .add(attitude_error[axis], sigma.attitude_rad[axis]);
+            self.velocity
+                .add(velocity_error[axis], sigma.velocity_mps[axis]);
+            self.position
+                .add(position_error[axis], sigma.position_m[axis]);
         }
-        self.climb.add(off_mps.z, sigma.velocity_mps.z);
-        self.height.add(off_m.z, sigma.position_m.z);
+        self.climb.add(velocity_error.z, sigma.velocity_mps.z);
+        self.height.add(position_error.z, sigma.position_m.z);
     }
 }
 
@@ -162,15 +167,15 @@ enum Kind {
     Multirotor,
 }
 
-/// A path in the tangent plane of its origin, which the Earth carries along.
-struct World {
+/// A path in the tangent plane of its origin, fixed to the Earth.
+struct Simulation {
     origin_m: Vector3<f64>,
     /// From the tangent plane, east-north-up, to the Earth's axes.
     to_earth: Matrix3<f64>,
     path: Vec<(Vector3<f64>, Rotation3<f64>)>,
 }
 
-impl World {
+impl Simulation {
     fn new(kind: Kind, seed: u64) -> Self {
         let mut random = Random::new(seed, 1);
         let latitude_rad = random.between(-1.0, 1.1);
@@ -186,24 +191,24 @@ impl World {
         }
     }
 
-    /// At the end of the interval whose middle a step is.
+    /// At the end of the interval centred on a step.
     fn at_end_of(&self, step: usize) -> (Vector3<f64>, Rotation3<f64>) {
-        let [(place, attitude), (next, turned)] = [self.path[step], self.path[step + 1]];
-        (0.5 * (place + next), attitude.slerp(&turned, 0.5))
+        let [(position, attitude), (next, next_attitude)] = [self.path[step], self.path[step + 1]];
+        (0.5 * (position + next), attitude.slerp(&next_attitude, 0.5))
     }
 }
 
-/// Rests at first, then does one thing after another.
+/// Rest, then random legs.
 struct Vehicle {
     kind: Kind,
     time_s: f64,
     until_s: f64,
-    /// Speed or velocity, curvature or yaw rate, and grade that are asked for.
-    wanted: [f64; 4],
+    /// Commanded speed or velocity, curvature or yaw rate, and grade.
+    command: [f64; 4],
     smooth: [[f64; 3]; 5],
     speed_mps: f64,
     velocity_mps: Vector3<f64>,
-    place_m: Vector3<f64>,
+    position_m: Vector3<f64>,
     heading_rad: f64,
 }
 
@@ -213,11 +218,11 @@ impl Vehicle {
             kind,
             time_s: 0.0,
             until_s: random.between(20.0, 60.0),
-            wanted: [0.0; 4],
+            command: [0.0; 4],
             smooth: [[0.0; 3]; 5],
             speed_mps: 0.0,
             velocity_mps: Vector3::zeros(),
-            place_m: Vector3::zeros(),
+            position_m: Vector3::zeros(),
             heading_rad: random.between(0.0, TAU),
         }
     }
@@ -225,64 +230,65 @@ impl Vehicle {
     fn step(&mut self, random: &mut Random) -> (Vector3<f64>, Rotation3<f64>) {
         self.time_s += STEP_S;
         if self.time_s > self.until_s {
-            let lasts_s;
-            (lasts_s, self.wanted) = leg(self.kind, random);
-            self.until_s += lasts_s;
+            let duration_s;
+            (duration_s, self.command) = leg(self.kind, random);
+            self.until_s += duration_s;
         }
         if self.kind == Kind::Multirotor {
-            self.hover()
+            self.step_in_the_air()
         } else {
-            self.roll()
+            self.step_on_wheels()
         }
     }
 
-    /// On wheels: along its heading, leaning out of a bend, or into it on two of them.
-    fn roll(&mut self) -> (Vector3<f64>, Rotation3<f64>) {
-        let [speed, curvature, grade, _] = self.wanted;
-        let push = ((speed - self.speed_mps) / 1.5).clamp(-2.5, 2.0);
-        let push = low_pass(&mut self.smooth[0], push, 0.15);
-        self.speed_mps += push * STEP_S;
+    /// On wheels: along its heading, rolling outwards in a bend, or inwards on two wheels.
+    fn step_on_wheels(&mut self) -> (Vector3<f64>, Rotation3<f64>) {
+        let [speed, curvature, grade, _] = self.command;
+        let accel = ((speed - self.speed_mps) / 1.5).clamp(-2.5, 2.0);
+        let accel = low_pass(&mut self.smooth[0], accel, 0.15);
+        self.speed_mps += accel * STEP_S;
         let turn = self.speed_mps * low_pass(&mut self.smooth[1], curvature, 0.25);
         self.heading_rad += turn * STEP_S;
         let grade = low_pass(&mut self.smooth[2], grade, 1.0);
         let (sin, cos) = self.heading_rad.sin_cos();
         let along = Vector3::new(sin * grade.cos(), cos * grade.cos(), grade.sin());
-        self.place_m += along * (self.speed_mps * STEP_S);
+        self.position_m += along * (self.speed_mps * STEP_S);
         let lean = if self.kind == Kind::Bicycle {
             0.1
         } else {
             -0.006
         };
         let roll = low_pass(&mut self.smooth[3], lean * self.speed_mps * turn, 0.12);
-        let pitch = grade + low_pass(&mut self.smooth[4], 0.004 * push, 0.12);
-        let attitude = turned(self.heading_rad, pitch, roll);
-        // The unit is not where the wheels are.
+        let pitch = grade + low_pass(&mut self.smooth[4], 0.004 * accel, 0.12);
+        let attitude = attitude_of(self.heading_rad, pitch, roll);
+        // Position of the unit relative to the wheels.
         (
-            self.place_m + attitude * Vector3::new(0.3, 1.2, 0.6),
+            self.position_m + attitude * Vector3::new(0.3, 1.2, 0.6),
             attitude,
         )
     }
 
-    /// In the air: its thrust points where the acceleration wants it.
-    fn hover(&mut self) -> (Vector3<f64>, Rotation3<f64>) {
-        let [east, north, up, yaw] = self.wanted;
+    /// In the air: thrust along the required acceleration.
+    fn step_in_the_air(&mut self) -> (Vector3<f64>, Rotation3<f64>) {
+        let [east, north, up, yaw] = self.command;
         let error = (Vector3::new(east, north, up) - self.velocity_mps) / 0.8;
-        let pull = Vector3::from_fn(|axis, _| {
+        let accel_mps2 = Vector3::from_fn(|axis, _| {
             low_pass(&mut self.smooth[axis], error[axis].clamp(-3.0, 3.0), 0.15)
         });
-        self.velocity_mps += pull * STEP_S;
-        self.place_m += self.velocity_mps * STEP_S;
+        self.velocity_mps += accel_mps2 * STEP_S;
+        self.position_m += self.velocity_mps * STEP_S;
         self.heading_rad += low_pass(&mut self.smooth[3], yaw, 0.15) * STEP_S;
-        let thrust = (pull + 0.2 * self.velocity_mps + Vector3::new(0.0, 0.0, 9.8)).normalize();
-        let ahead = Vector3::new(self.heading_rad.sin(), self.heading_rad.cos(), 0.0);
-        let right = ahead.cross(&thrust).normalize();
+        let thrust =
+            (accel_mps2 + 0.2 * self.velocity_mps + Vector3::new(0.0, 0.0, 9.8)).normalize();
+        let forward = Vector3::new(self.heading_rad.sin(), self.heading_rad.cos(), 0.0);
+        let right = forward.cross(&thrust).normalize();
         let columns = [right, thrust.cross(&right), thrust];
         let attitude = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns));
-        (self.place_m, attitude)
+        (self.position_m, attitude)
     }
 }
 
-/// What comes next, and for how long.
+/// Duration and commands of the next leg.
 fn leg(kind: Kind, random: &mut Random) -> (f64, [f64; 4]) {
     let chance = random.between(0.0, 1.0);
     let side = random.between(-1.0, 1.0).signum();
@@ -330,7 +336,7 @@ fn leg(kind: Kind, random: &mut Random) -> (f64, [f64; 4]) {
     }
 }
 
-/// Inertial sensors: what they are biased by, and what has come together since the last sample.
+/// Inertial sensors: errors, and increments since the last sample.
 struct Unit {
     random: Random,
     gyro_bias_radps: Vector3<f64>,
@@ -359,14 +365,14 @@ impl Unit {
         }
     }
 
-    /// What one step adds: the Earth's axes turn, and what falls freely feels nothing.
-    fn feel(&mut self, world: &World, step: usize) {
-        let [before, now, after] = [step - 1, step, step + 1].map(|at| world.path[at]);
+    /// Adds the increments of a step: specific force in rotating axes, and rate relative to inertial space.
+    fn add_step(&mut self, simulation: &Simulation, step: usize) {
+        let [before, now, after] = [step - 1, step, step + 1].map(|at| simulation.path[at]);
         let velocity = (after.0 - before.0) / (2.0 * STEP_S);
         let accel = (after.0 - 2.0 * now.0 + before.0) / (STEP_S * STEP_S);
-        let to_local = world.to_earth.transpose();
+        let to_local = simulation.to_earth.transpose();
         let earth = to_local * Vector3::new(0.0, 0.0, EARTH_RADPS);
-        let gravity = to_local * gravity(&(world.origin_m + world.to_earth * now.0));
+        let gravity = to_local * gravity(&(simulation.origin_m + simulation.to_earth * now.0));
         let force = now.1.inverse() * (accel + 2.0 * earth.cross(&velocity) - gravity);
         let turn = (before.1.inverse() * after.1).scaled_axis() / 2.0;
         self.angle_rad += turn + now.1.inverse() * earth * STEP_S;
@@ -392,48 +398,48 @@ impl Unit {
     }
 }
 
-/// Late, away from the unit, noisy anew in each fix and for a while.
+/// With latency, lever arm, white and correlated noise.
 struct Receiver {
     random: Random,
     latency_s: f64,
     arm_m: Vector3<f64>,
-    wander_m: Vector3<f64>,
-    drift_mps: Vector3<f64>,
+    position_noise_m: Vector3<f64>,
+    velocity_noise_mps: Vector3<f64>,
 }
 
 impl Receiver {
-    const WANDERS: [f64; 2] = [0.8, 60.0];
-    const DRIFTS: [f64; 2] = [0.02, 3.0];
+    const POSITION_NOISE: [f64; 2] = [0.8, 60.0];
+    const VELOCITY_NOISE: [f64; 2] = [0.02, 3.0];
 
     fn new(seed: u64) -> Self {
         let mut random = Random::new(seed, 3);
         let latency_s = random.between(0.0, 0.3);
         let arm_m = random.normals().component_mul(&Vector3::new(0.4, 0.8, 0.8));
-        let wander_m = Self::WANDERS[0] * random.normals();
-        let drift_mps = Self::DRIFTS[0] * random.normals();
+        let position_noise_m = Self::POSITION_NOISE[0] * random.normals();
+        let velocity_noise_mps = Self::VELOCITY_NOISE[0] * random.normals();
         Self {
             random,
             latency_s,
             arm_m,
-            wander_m,
-            drift_mps,
+            position_noise_m,
+            velocity_noise_mps,
         }
     }
 
-    fn fix(&mut self, world: &World, step: usize) -> GnssFix {
-        for (of, [sigma, lasts_s]) in [
-            (&mut self.wander_m, Self::WANDERS),
-            (&mut self.drift_mps, Self::DRIFTS),
+    fn fix(&mut self, simulation: &Simulation, step: usize) -> GnssFix {
+        for (of, [sigma, duration_s]) in [
+            (&mut self.position_noise_m, Self::POSITION_NOISE),
+            (&mut self.velocity_noise_mps, Self::VELOCITY_NOISE),
         ] {
-            let keep = (-STEP_S * FIX as f64 / lasts_s).exp();
-            *of = *of * keep + sigma * (1.0 - keep * keep).sqrt() * self.random.normals();
+            let decay = (-STEP_S * FIX as f64 / duration_s).exp();
+            *of = *of * decay + sigma * (1.0 - decay * decay).sqrt() * self.random.normals();
         }
-        let antenna = |at: usize| world.path[at].0 + world.path[at].1 * self.arm_m;
+        let antenna = |at: usize| simulation.path[at].0 + simulation.path[at].1 * self.arm_m;
         let velocity = (antenna(step + 1) - antenna(step - 1)) / (2.0 * STEP_S);
-        let place = antenna(step) + self.wander_m + 0.3 * self.random.normals();
-        let velocity = velocity + self.drift_mps + 0.05 * self.random.normals();
-        let (geodetic, enu) = geodetic(&(world.origin_m + world.to_earth * place));
-        let velocity = enu.transpose() * world.to_earth * velocity;
+        let position = antenna(step) + self.position_noise_m + 0.3 * self.random.normals();
+        let velocity = velocity + self.velocity_noise_mps + 0.05 * self.random.normals();
+        let (geodetic, enu) = geodetic(&(simulation.origin_m + simulation.to_earth * position));
+        let velocity = enu.transpose() * simulation.to_earth * velocity;
         GnssFix {
             time: time(step as f64 * STEP_S + self.latency_s),
             velocity_en_mps: Some(Vector2::new(velocity.x, velocity.y)),
@@ -448,21 +454,22 @@ const EARTH_RADPS: f64 = 7.292_115e-5;
 const EQUATOR_M: f64 = 6_378_137.0;
 const SQUARED_ECCENTRICITY: f64 = 6.694_379_990_14e-3;
 
-/// Gravity of an Earth with its second and fourth zonal harmonics, and the centrifugal force; its axes.
-fn gravity(place: &Vector3<f64>) -> Vector3<f64> {
+/// Gravity with the zonal harmonics J2 and J4, and centrifugal force; Earth-fixed axes.
+fn gravity(position: &Vector3<f64>) -> Vector3<f64> {
     const ATTRACTION: f64 = 3.986_004_418e14;
     const J2: f64 = 1.082_629_821e-3;
     const J4: f64 = -2.370_911e-6;
-    let radius = place.norm();
-    let flat = (EQUATOR_M / radius).powi(2);
-    let sin2 = (place.z / radius).powi(2);
-    let (second, fourth) = (1.5 * J2 * flat, 1.875 * J4 * flat * flat);
+    let radius = position.norm();
+    let ratio2 = (EQUATOR_M / radius).powi(2);
+    let sin2 = (position.z / radius).powi(2);
+    let (second, fourth) = (1.5 * J2 * ratio2, 1.875 * J4 * ratio2 * ratio2);
     let level =
         1.0 + second * (1.0 - 5.0 * sin2) - fourth * (1.0 - 14.0 * sin2 + 21.0 * sin2 * sin2);
     let polar =
         1.0 + second * (3.0 - 5.0 * sin2) - fourth * (5.0 - 70.0 / 3.0 * sin2 + 21.0 * sin2 * sin2);
-    let spun = Vector3::new(place.x, place.y, 0.0) * (EARTH_RADPS * EARTH_RADPS);
-    spun - place.component_mul(&Vector3::new(level, level, polar)) * (ATTRACTION / radius.powi(3))
+    let centrifugal = Vector3::new(position.x, position.y, 0.0) * (EARTH_RADPS * EARTH_RADPS);
+    centrifugal
+        - position.component_mul(&Vector3::new(level, level, polar)) * (ATTRACTION / radius.powi(3))
 }
 
 /// East, north and up in the Earth's axes.
@@ -482,19 +489,21 @@ fn on_ellipsoid(latitude_rad: f64, height_m: f64, axes: &Matrix3<f64>) -> Vector
     up * (normal_m + height_m) - Vector3::z() * (SQUARED_ECCENTRICITY * normal_m * up.z)
 }
 
-/// By Bowring's method, exact to far below a millimetre; with east, north and up there.
-fn geodetic(place: &Vector3<f64>) -> (Geodetic, Matrix3<f64>) {
+/// By Bowring's method, accurate to far below a millimetre; also the axes there.
+fn geodetic(position: &Vector3<f64>) -> (Geodetic, Matrix3<f64>) {
     let polar_m = EQUATOR_M * (1.0 - SQUARED_ECCENTRICITY).sqrt();
-    let away_m = place.x.hypot(place.y);
-    let (sin, cos) = (place.z * EQUATOR_M).atan2(away_m * polar_m).sin_cos();
+    let axial_distance_m = position.x.hypot(position.y);
+    let (sin, cos) = (position.z * EQUATOR_M)
+        .atan2(axial_distance_m * polar_m)
+        .sin_cos();
     let second = SQUARED_ECCENTRICITY / (1.0 - SQUARED_ECCENTRICITY);
-    let latitude_rad = (place.z + second * polar_m * sin.powi(3))
-        .atan2(away_m - SQUARED_ECCENTRICITY * EQUATOR_M * cos.powi(3));
-    let longitude_rad = place.y.atan2(place.x);
+    let latitude_rad = (position.z + second * polar_m * sin.powi(3))
+        .atan2(axial_distance_m - SQUARED_ECCENTRICITY * EQUATOR_M * cos.powi(3));
+    let longitude_rad = position.y.atan2(position.x);
     let enu = axes(latitude_rad, longitude_rad);
     let height_m = enu
         .column(2)
-        .dot(&(place - on_ellipsoid(latitude_rad, 0.0, &enu)));
+        .dot(&(position - on_ellipsoid(latitude_rad, 0.0, &enu)));
     (
         Geodetic {
             latitude_rad,
@@ -506,15 +515,15 @@ fn geodetic(place: &Vector3<f64>) -> (Geodetic, Matrix3<f64>) {
 }
 
 /// Heading clockwise from north, nose up, right side down; right-forward-up to east-north-up.
-fn turned(heading_rad: f64, pitch_rad: f64, roll_rad: f64) -> Rotation3<f64> {
+fn attitude_of(heading_rad: f64, pitch_rad: f64, roll_rad: f64) -> Rotation3<f64> {
     Rotation3::from_axis_angle(&Vector3::z_axis(), -heading_rad)
         * Rotation3::from_axis_angle(&Vector3::x_axis(), pitch_rad)
         * Rotation3::from_axis_angle(&Vector3::y_axis(), roll_rad)
 }
 
-/// Three of one time constant: what comes out has a second derivative.
-fn low_pass(stages: &mut [f64; 3], wanted: f64, seconds: f64) -> f64 {
-    stages.iter_mut().fold(wanted, |before, stage| {
+/// Third order with equal time constants: the output has a second derivative.
+fn low_pass(stages: &mut [f64; 3], command: f64, seconds: f64) -> f64 {
+    stages.iter_mut().fold(command, |before, stage| {
         *stage += (before - *stage) * (STEP_S / seconds);
         *stage
     })
