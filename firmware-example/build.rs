@@ -1,4 +1,4 @@
-//! Puts the board's memory map where the linker finds it.
+//! Copies the board's memory map to the linker's search path.
 
 use std::{env, fs, path::PathBuf};
 

@@ -1,12 +1,12 @@
-//! The debugger's console instead of the UART: for the emulator, where this is much faster and no
-//! interrupt falls into what is measured.
+//! The debugger's console instead of the UART: for the emulator, where it is much faster and no interrupt disturbs
+//! the measurement.
 
 use semihosting::io::{self, Read as _, Write as _};
 use semihosting::process;
 
 use crate::service::{Navigates, Service};
 
-/// Console calls are slow, so they are few: one takes in many requests.
+/// Console calls are slow, so each reads many requests.
 const CHUNK: usize = 4096;
 
 /// Serves until the console closes.

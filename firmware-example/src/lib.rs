@@ -1,4 +1,4 @@
-//! Parts of the firmware: the board, and what runs on any.
+//! Parts of the firmware: the board, and board-independent code.
 #![no_std]
 
 pub mod board;

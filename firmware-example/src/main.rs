@@ -1,7 +1,7 @@
-//! `ins-core` on a microcontroller: inertial samples and GNSS fixes come in over a UART, solutions
-//! and estimates go out.
+//! `ins-core` on a microcontroller: inertial samples and GNSS fixes are received over a UART, solutions and estimates
+//! are sent.
 //!
-//! The board is in `board/`; `service.rs` and `navigation.rs` know none.
+//! The board is in `board/`; `service.rs` and `navigation.rs` do not depend on it.
 #![no_std]
 #![no_main]
 
@@ -14,7 +14,7 @@ fn main() -> ! {
     let Some(Board { mut uart, clock }) = Board::take() else {
         unreachable!()
     };
-    // In static memory: the stack is for calls.
+    // In static memory instead of on the stack.
     let Some(service) = cortex_m::singleton!(: Option<Service<Navigation>> = None) else {
         unreachable!()
     };

@@ -1,4 +1,4 @@
-//! The navigator behind the link. Nothing here knows the board.
+//! The navigator behind the link, independent of the board.
 
 use core::cell::Cell;
 use core::fmt::Write as _;
@@ -12,7 +12,7 @@ use ins_link::{Answer, NotStarted, Report, Responder, StartError, Started, Timer
 
 use crate::service::Navigates;
 
-/// Stamp of the last inertial sample, us: the time in the log is the time in the data.
+/// Time stamp of the last inertial sample, us, which is the time in the log.
 static NOW: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
 
 defmt::timestamp!(
@@ -20,7 +20,7 @@ defmt::timestamp!(
     critical_section::with(|cs| NOW.borrow(cs).get())
 );
 
-/// One navigator, told what to do by the link, and what is logged of it.
+/// A navigator controlled by requests, and its log.
 pub struct Navigation {
     running: Option<(Responder, Log)>,
 }
@@ -35,7 +35,7 @@ impl Navigates for Navigation {
     fn start(&mut self, config: Config, estimates_every: u32) -> Result<Started, StartError> {
         let responder = Responder::start(config, estimates_every).map_err(|error| {
             let mut text = heapless::String::new();
-            // A longer reason is cut off.
+            // A longer message is truncated.
             let _ = write!(text, "{error}");
             StartError(text)
         })?;
@@ -75,48 +75,48 @@ fn set_now(time: Time) {
     critical_section::with(|cs| NOW.borrow(cs).set(micros(time)));
 }
 
-/// For the log, which knows no time before the origin of the scale.
+/// For the log, which has no negative times.
 fn micros(time: Time) -> u64 {
     time.as_micros().max(0).cast_unsigned()
 }
 
-/// Says what changed.
+/// Logs changes.
 #[derive(Default)]
 struct Log {
     phase: Phase,
     manoeuvre: Manoeuvre,
-    refused_sample: Option<ImuOutcome>,
-    refused_fix: Option<GnssOutcome>,
+    rejected_sample: Option<ImuOutcome>,
+    rejected_fix: Option<GnssOutcome>,
     /// One bit for each estimate that is observable.
     observable: u16,
 }
 
 impl Log {
-    /// Those that are refused in a row for one reason get one line.
+    /// Consecutive samples rejected for the same reason get one line.
     fn on_sample(&mut self, time: Time, outcome: ImuOutcome) {
         if outcome == ImuOutcome::Bridged {
             defmt::debug!("missing samples bridged");
         }
-        let taken = matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged);
-        let refused = (!taken).then_some(outcome);
-        if refused != self.refused_sample && !taken {
+        let accepted = matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged);
+        let rejected = (!accepted).then_some(outcome);
+        if rejected != self.rejected_sample && !accepted {
             defmt::warn!("sample of {=u64:us} s refused: {}", micros(time), outcome);
         }
-        self.refused_sample = refused;
+        self.rejected_sample = rejected;
     }
 
-    /// Also of those that were queued first.
+    /// Also for fixes that were queued first.
     fn on_fix(&mut self, fix: &FixReport) {
-        let taken = fix.outcome == GnssOutcome::Accepted;
-        let refused = (!taken).then_some(fix.outcome);
-        if refused != self.refused_fix && !taken {
+        let accepted = fix.outcome == GnssOutcome::Accepted;
+        let rejected = (!accepted).then_some(fix.outcome);
+        if rejected != self.rejected_fix && !accepted {
             defmt::warn!(
                 "fix of {=u64:us} s refused: {}",
                 micros(fix.time),
                 fix.outcome
             );
         }
-        self.refused_fix = refused;
+        self.rejected_fix = rejected;
     }
 
     fn on_report(&mut self, report: &Report) {

@@ -1,4 +1,4 @@
-//! Bytes in, bytes out: what the firmware does, whatever carries them.
+//! Requests and replies as bytes, independent of the transport.
 
 use core::cell::Cell;
 
@@ -10,7 +10,7 @@ use ins_link::{
 
 use crate::board::{self, Clock};
 
-/// What navigates behind the link, told when to begin.
+/// A navigator behind the link.
 pub trait Navigates {
     fn start(&mut self, config: Config, estimates_every: u32) -> Result<Started, StartError>;
     fn on_imu(
@@ -52,8 +52,8 @@ impl<N: Navigates> Service<N> {
         }
     }
 
-    /// Makes one in static memory. What that takes of the stack is given back: built for size, a
-    /// compiler makes it there first.
+    /// Constructs one in static memory. Not inlined, so that its stack is released: built for size, the compiler
+    /// constructs it on the stack first.
     #[inline(never)]
     pub fn place(
         slot: &'static mut Option<Self>,
@@ -63,8 +63,7 @@ impl<N: Navigates> Service<N> {
         slot.insert(Self::new(navigation(), clock))
     }
 
-    /// Takes the next byte; with the last one of a request sends the frame of the reply, and those
-    /// of what has been logged meanwhile.
+    /// Takes the next byte; after the last one of a request sends the reply, and the log since the last one.
     pub fn on_byte(&mut self, byte: u8, mut send: impl FnMut(&[u8])) {
         let Some((to, request)) = self.decoder.push(byte) else {
             return;
@@ -81,7 +80,7 @@ impl<N: Navigates> Service<N> {
         }
     }
 
-    /// Bytes have come and found no room.
+    /// Bytes were lost because the queue was full.
     pub fn on_lost(&mut self, bytes: u32) {
         self.bytes_lost = self.bytes_lost.saturating_add(bytes);
     }
@@ -135,7 +134,7 @@ impl<N: Navigates> Service<N> {
     }
 }
 
-/// Looks at calls from outside: their time, and with the feature `call-stack` the deepest stack.
+/// Measures calls: their time, and with the feature `call-stack` the deepest stack.
 struct Gauge {
     clock: Clock,
     stack_bytes: Cell<u32>,

@@ -1,4 +1,4 @@
-//! Framing: what makes a message out of bytes that may be wrong in any way.
+//! Framing: messages over a byte stream with losses and errors.
 
 use crc::{CRC_32_ISCSI, Crc};
 use heapless::Vec;
@@ -9,13 +9,13 @@ pub const VERSION: u8 = 5;
 /// Longest frame on the wire, with its closing zero, bytes.
 pub const MAX_FRAME: usize = 768;
 
-/// By a table of 1 KiB: bit by bit takes longer than the navigator does.
+/// With a table of 1 KiB: bit by bit would take longer than the navigator.
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 const CRC_BYTES: usize = 4;
-/// COBS adds a byte for every 254, and one.
+/// COBS adds one byte, and another for every 254.
 const MAX_CONTENT: usize = MAX_FRAME - MAX_FRAME.div_ceil(254) - 1;
 
-/// What can be sent.
+/// A message that can be sent.
 pub trait Message: Serialize + DeserializeOwned {
     /// The session that the message opens, if it opens one.
     fn session(&self) -> Option<u32>;
@@ -28,7 +28,7 @@ struct Content<M> {
     message: M,
 }
 
-/// The message is longer than any of this crate's.
+/// The message is too long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EncodeError;
 
@@ -58,37 +58,37 @@ impl<M: Message> Content<&M> {
             .map_err(|_| EncodeError)?
             .len();
         let (written, rest) = buffer.split_at_mut_checked(length).ok_or(EncodeError)?;
-        let room = rest.get_mut(..CRC_BYTES).ok_or(EncodeError)?;
-        room.copy_from_slice(&CRC.checksum(written).to_le_bytes());
+        let crc_bytes = rest.get_mut(..CRC_BYTES).ok_or(EncodeError)?;
+        crc_bytes.copy_from_slice(&CRC.checksum(written).to_le_bytes());
         buffer.get(..length + CRC_BYTES).ok_or(EncodeError)
     }
 }
 
-/// What came in since the session began.
+/// Received frames since the session began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Messages handed on.
+    /// Messages accepted.
     pub accepted: u32,
     /// Frames whose coding or checksum is wrong.
     pub corrupt: u32,
     /// Frames of another [`VERSION`].
     pub other_version: u32,
-    /// Whole frames that hold no message.
+    /// Complete frames without a valid message.
     pub malformed: u32,
-    /// Frames that came twice or after a later one.
+    /// Frames repeated or later than their successors.
     pub out_of_order: u32,
-    /// Sequence numbers skipped: frames lost on the way, or dropped as corrupt.
+    /// Sequence numbers skipped: frames lost or dropped as corrupt.
     pub skipped: u32,
 }
 
-/// Makes messages out of bytes. Nothing wrong gets through, and everything wrong is counted.
+/// Decodes messages from bytes. Invalid frames are dropped and counted.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder {
     frame: Vec<u8, MAX_FRAME>,
     too_long: bool,
     session: Option<u32>,
     last: Option<u32>,
-    /// What came in.
+    /// Counters of received frames.
     pub counters: Counters,
 }
 
@@ -111,8 +111,7 @@ impl Decoder {
         }
     }
 
-    /// Takes the next byte; with the last one of a good frame, gives its sequence number and
-    /// message.
+    /// Takes the next byte; after the last one of a valid frame returns its sequence number and message.
     pub fn push<M: Message>(&mut self, byte: u8) -> Option<(u32, M)> {
         if byte != 0 {
             self.too_long |= self.frame.push(byte).is_err();
@@ -123,7 +122,7 @@ impl Decoder {
             count(&mut self.counters.corrupt);
             None
         } else if self.frame.is_empty() {
-            // Zeros between frames are harmless, and a sender may use them to flush a wreck.
+            // Zeros between frames are allowed, and may be used to end an incomplete frame.
             None
         } else {
             self.decode()
@@ -166,7 +165,7 @@ impl Decoder {
             self.counters = Counters::default();
         } else if let Some(last) = self.last {
             let ahead = sequence.wrapping_sub(last);
-            // Half of the circle is ahead, half behind.
+            // Half of the number range is ahead, half behind.
             if ahead == 0 || ahead > u32::MAX / 2 {
                 return false;
             }

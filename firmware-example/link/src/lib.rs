@@ -1,9 +1,8 @@
-//! What a host and firmware that runs `ins-core` say to each other, over any byte stream.
+//! Protocol between a host and firmware that runs `ins-core`, over any byte stream.
 //!
-//! A frame is COBS(version, sequence number, message, CRC-32) and a zero byte, so a receiver is in
-//! step again after the next zero. Numbers cross bit for bit. Each side numbers its frames; the
-//! firmware answers every request with one reply that names the request's number, and sends its log
-//! in between.
+//! A frame is COBS(version, sequence number, message, CRC-32) and a zero byte, so a receiver resynchronizes at the
+//! next zero. Numbers are transmitted bit for bit. Each side numbers its frames; the firmware answers every request
+//! with one reply that contains the request's number, and sends its log in between.
 #![no_std]
 
 mod frame;

@@ -1,4 +1,4 @@
-//! The messages. The first field that changes here changes [`VERSION`](crate::VERSION) too.
+//! Messages. Any change here requires a new [`VERSION`](crate::VERSION).
 
 use ins_core::Manoeuvre;
 use ins_core::damping::DampingSignals;
@@ -16,17 +16,17 @@ pub const LOG_BYTES: usize = 128;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // No heap to box the large one in.
 pub enum Request {
-    /// Opens a session: sequence numbers begin anew, counters go to zero.
+    /// Opens a session: sequence numbers and counters restart.
     Hello {
-        /// Any number that the last session did not have.
+        /// Any number other than that of the last session.
         session: u32,
     },
     /// A new navigator.
     Start {
         /// Its configuration.
         config: Config,
-        /// After every so many inertial samples, and fixes that follow them at once, estimates are
-        /// sent if they have changed; 0: never.
+        /// Interval of estimates, in inertial samples (and after fixes that follow directly); they are only
+        /// sent if changed. 0: never.
         estimates_every: u32,
     },
     /// An inertial sample.
@@ -58,7 +58,7 @@ pub enum FromBoard {
         /// The answer.
         reply: Reply,
     },
-    /// The next piece of the log as defmt encodes it, cut anywhere.
+    /// The next piece of the log as encoded by defmt, split at any byte.
     Log(heapless::Vec<u8, LOG_BYTES>),
 }
 
@@ -92,25 +92,25 @@ pub enum Reply {
     Status(Status),
 }
 
-/// Who is there.
+/// Identification of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Hello {
     /// The session of the request.
     pub session: u32,
-    /// Bytes that may be on their way to the firmware before it has answered.
+    /// Bytes that may be in transit to the firmware before it replies.
     pub window_bytes: u32,
     /// Unit of [`Answer::ticks`]: a divider of the processor clock.
     pub clocks_per_tick: u32,
 }
 
-/// The navigator is there.
+/// The navigator was started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Started {
     /// RAM of the navigator.
     pub state_bytes: u32,
 }
 
-/// Why [`Config`] was refused.
+/// Why [`Config`] was rejected.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StartError(pub heapless::String<128>);
 
@@ -121,20 +121,20 @@ pub struct NotStarted;
 /// After an inertial sample or a GNSS fix.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Answer<O> {
-    /// What became of it.
+    /// Its outcome.
     pub outcome: O,
     /// The navigator now.
     pub report: Report,
-    /// Time that the core took.
+    /// Execution time of the core.
     pub ticks: u32,
 }
 
-/// What the navigator has to say.
+/// State of the navigator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// How far the alignment has come.
+    /// Phase of the alignment.
     pub phase: Phase,
-    /// The manoeuvre going on.
+    /// The current manoeuvre.
     pub manoeuvre: Manoeuvre,
     /// The solution, once there is one.
     pub solution: Option<Solution>,
@@ -142,18 +142,18 @@ pub struct Report {
     pub estimates: Option<Estimates>,
     /// The damping signals of the last fix used, if they have changed.
     pub signals: Option<DampingSignals>,
-    /// What became of fixes, one that was queued among them, if more is known of them.
+    /// New outcome of fixes, including queued ones.
     pub settled: Option<FixReport>,
 }
 
 /// Health of the firmware since the session began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Status {
-    /// Requests as they came in.
+    /// Received requests.
     pub link: Counters,
-    /// Bytes that found the receive queue full or overran the UART.
+    /// Bytes lost because the receive queue was full or the UART overran.
     pub bytes_lost: u32,
-    /// Lines that the log had no room for.
+    /// Lines lost because the log buffer was full.
     pub log_lines_lost: u32,
     /// Deepest stack since the last status, bytes.
     pub stack_bytes: u32,

@@ -1,8 +1,8 @@
-//! Between the interrupt that receives and the loop that decodes.
+//! Queue between the receive interrupt and the decoding loop.
 
 use heapless::spsc::Producer;
 
-/// Where an interrupt puts bytes; what does not fit is counted.
+/// Interrupt side of the queue; bytes that do not fit are counted.
 #[allow(missing_debug_implementations, reason = "heapless queues have none")]
 pub struct Receiver<'q> {
     queue: Producer<'q, u8>,
@@ -10,19 +10,19 @@ pub struct Receiver<'q> {
 }
 
 impl<'q> Receiver<'q> {
-    /// The sending end of `queue`.
+    /// With the producer of the queue.
     pub const fn new(queue: Producer<'q, u8>) -> Self {
         Self { queue, lost: 0 }
     }
 
-    /// A byte has come.
+    /// A byte was received.
     pub fn on_byte(&mut self, byte: u8) {
         if self.queue.enqueue(byte).is_err() {
             self.on_overrun();
         }
     }
 
-    /// The device has lost a byte.
+    /// A byte was lost by the device.
     pub fn on_overrun(&mut self) {
         self.lost = self.lost.saturating_add(1);
     }

@@ -1,4 +1,4 @@
-//! What answers samples and fixes, on a board and on the host alike.
+//! Replies to samples and fixes, the same on a board and on the host.
 
 use ins_core::damping::DampingSignals;
 use ins_core::{
@@ -8,20 +8,20 @@ use ins_core::{
 
 use crate::message::{Answer, Reply, Report, Request};
 
-/// Measures how long its argument takes.
+/// Measures execution time.
 pub trait Timer {
-    /// What comes of `work`, and the ticks that it took.
+    /// Result of `work`, and its ticks.
     fn time<T>(&self, work: impl FnOnce() -> T) -> (T, u32);
 }
 
-/// No clock: nothing takes any time.
+/// Without a clock all times are zero.
 impl Timer for () {
     fn time<T>(&self, work: impl FnOnce() -> T) -> (T, u32) {
         (work(), 0)
     }
 }
 
-/// A navigator, and what of it the last answers have said already.
+/// A navigator, and the values last sent.
 #[derive(Clone, Debug)]
 pub struct Responder {
     navigator: Navigator,
@@ -61,8 +61,8 @@ impl Responder {
         self.answer_with(outcome, ticks)
     }
 
-    /// What a board has to answer, with a duration of nothing; `None` to requests that are neither
-    /// samples nor fixes.
+    /// The expected reply of a board, with zero duration; `None` to requests that are neither samples nor
+    /// fixes.
     pub fn answer(&mut self, request: &Request) -> Option<Reply> {
         match request {
             Request::Imu(sample) => Some(Reply::Imu(Ok(self.on_imu(sample, &())))),

@@ -1,4 +1,4 @@
-//! The firmware behind the debugger's console.
+//! The firmware with the debugger's console as transport.
 #![no_std]
 #![no_main]
 

@@ -1,5 +1,5 @@
-//! The core and nothing else: its size is what navigating takes. With the feature `panic-never` it
-//! calls the whole public interface, and links only if no panic can be reached.
+//! The core alone, to measure its size. With the feature `panic-never` it calls the whole public interface, and links
+//! only if no panic can be reached.
 #![no_std]
 #![no_main]
 
@@ -23,7 +23,7 @@ fn main() -> ! {
     if let Ok(mut navigator) = Navigator::new(black_box(Config::hg1700())) {
         navigate(&mut navigator);
         #[cfg(feature = "panic-never")]
-        everything_else(&mut navigator);
+        call_rest_of_interface(&mut navigator);
     }
     loop {
         cortex_m::asm::wfi();
@@ -56,7 +56,7 @@ fn navigate(navigator: &mut Navigator) {
 }
 
 #[cfg(feature = "panic-never")]
-fn everything_else(navigator: &mut Navigator) {
+fn call_rest_of_interface(navigator: &mut Navigator) {
     use ins_core::{BaroHeight, Heading, attitude, earth};
 
     let _ = black_box(navigator.on_heading(&black_box(Heading {
@@ -69,8 +69,9 @@ fn everything_else(navigator: &mut Navigator) {
         height_m: 100.0,
         sigma_m: 0.3,
     })));
-    let kept = black_box(navigator.calibration()).after_turn_on(black_box(1e-3), black_box(1e-2));
-    if let Ok(warm) = Navigator::warm(black_box(Config::mems()), &kept) {
+    let calibration =
+        black_box(navigator.calibration()).after_turn_on(black_box(1e-3), black_box(1e-2));
+    if let Ok(warm) = Navigator::warm(black_box(Config::mems()), &calibration) {
         black_box(warm);
     }
     black_box(navigator.body_motion());

@@ -1,10 +1,10 @@
-//! Time that a piece of code takes.
+//! Measurement of execution time.
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{DCB, DWT, SYST};
 
-/// The emulator has no cycle counter. With `-icount shift=3`, an instruction takes 8 ns of its time
-/// and the system tick counts 40 ns: a tick is 5 instructions.
+/// The emulator has no cycle counter. With `-icount shift=3` an instruction takes 8 ns of emulated time, and a system
+/// tick is 40 ns: 5 instructions.
 pub const CLOCKS_PER_TICK: u32 = if cfg!(feature = "cycle-counter") {
     1
 } else {
@@ -20,7 +20,7 @@ impl Clock {
     pub fn new(mut syst: SYST, dcb: &mut DCB, mut dwt: DWT) -> Self {
         if cfg!(feature = "cycle-counter") {
             dcb.enable_trace();
-            // Cortex-M7 locks the unit behind a key.
+            // On Cortex-M7 the unit has to be unlocked.
             DWT::unlock();
             dwt.enable_cycle_counter();
         } else {
@@ -32,7 +32,7 @@ impl Clock {
         Self
     }
 
-    /// Ticks that `work` took: wraps at 2^24 system ticks (0.6 s).
+    /// Ticks of `work`; they wrap at 2^24 system ticks (0.6 s).
     pub fn time<T>(&self, work: impl FnOnce() -> T) -> (T, u32) {
         let start = now();
         let result = work();
@@ -55,7 +55,7 @@ fn now() -> u32 {
     SYST::get_current()
 }
 
-// Counts down.
+// The system timer counts down.
 #[cfg(not(feature = "cycle-counter"))]
 fn since(start: u32) -> u32 {
     start.wrapping_sub(now()) & SYST_BITS

@@ -1,5 +1,5 @@
-//! Where defmt logs go: into a buffer, and from there over the link between replies. That stops the
-//! processor for nobody, and needs no debugger.
+//! Sink of defmt logs: a buffer, which is sent over the link between replies. This never halts the processor, and
+//! needs no debugger.
 #![allow(unsafe_code, reason = "defmt's logger")]
 
 use core::cell::RefCell;
@@ -14,9 +14,9 @@ const BUFFER_BYTES: usize = 1024;
 struct Buffer {
     encoder: Encoder,
     bytes: Deque<u8, BUFFER_BYTES>,
-    /// Length of the buffer before the line that is being written.
+    /// Length of the buffer before the current line.
     before: usize,
-    /// That line does not fit.
+    /// The current line does not fit.
     too_long: bool,
     lines_lost: u32,
     restore: RestoreState,
@@ -31,14 +31,14 @@ static BUFFER: Mutex<RefCell<Buffer>> = Mutex::new(RefCell::new(Buffer {
     restore: RestoreState::invalid(),
 }));
 
-/// The next piece of the log; empty if there is nothing to tell.
+/// The next piece of the log, or empty.
 pub fn take() -> Vec<u8, LOG_BYTES> {
-    // One by one: bytes of the link come in between.
+    // Separate critical sections, so that received bytes are not delayed.
     let next = || critical_section::with(|cs| BUFFER.borrow_ref_mut(cs).bytes.pop_front());
     (0..LOG_BYTES).map_while(|_| next()).collect()
 }
 
-/// Lines that found the buffer full, since reset.
+/// Lines lost because the buffer was full, since reset.
 pub fn lines_lost() -> u32 {
     critical_section::with(|cs| BUFFER.borrow_ref(cs).lines_lost)
 }
@@ -59,7 +59,7 @@ impl Buffer {
         });
     }
 
-    /// A line that did not fit goes as a whole.
+    /// Removes an incomplete line.
     fn end_line(&mut self) {
         if core::mem::take(&mut self.too_long) {
             self.bytes.truncate(self.before);
@@ -77,7 +77,7 @@ unsafe impl defmt::Logger for Logger {
     fn acquire() {
         // SAFETY: `release` follows.
         let restore = unsafe { critical_section::acquire() };
-        inside(|buffer| {
+        with_buffer(|buffer| {
             buffer.restore = restore;
             buffer.before = buffer.bytes.len();
             buffer.encode(|encoder, write| encoder.start_frame(write));
@@ -87,7 +87,7 @@ unsafe impl defmt::Logger for Logger {
     unsafe fn flush() {}
 
     unsafe fn release() {
-        let restore = inside(|buffer| {
+        let restore = with_buffer(|buffer| {
             buffer.encode(|encoder, write| encoder.end_frame(write));
             buffer.end_line();
             buffer.restore
@@ -97,11 +97,11 @@ unsafe impl defmt::Logger for Logger {
     }
 
     unsafe fn write(bytes: &[u8]) {
-        inside(|buffer| buffer.encode(|encoder, write| encoder.write(bytes, write)));
+        with_buffer(|buffer| buffer.encode(|encoder, write| encoder.write(bytes, write)));
     }
 }
 
-fn inside<T>(work: impl FnOnce(&mut Buffer) -> T) -> T {
+fn with_buffer<T>(work: impl FnOnce(&mut Buffer) -> T) -> T {
     // SAFETY: called between `acquire` and `release` only.
     let cs = unsafe { CriticalSection::new() };
     work(&mut BUFFER.borrow_ref_mut(cs))

@@ -1,4 +1,4 @@
-//! All that knows the board: ARM's MPS2 with image AN500 (Cortex-M7) or AN386 (Cortex-M4F), as
+//! Board-specific code: ARM's MPS2 with image AN500 (Cortex-M7) or AN386 (Cortex-M4F), as
 //! QEMU emulates it. For another board, replace these files and keep the functions.
 
 mod clock;
@@ -12,7 +12,7 @@ pub use log::{lines_lost as log_lines_lost, take as take_log};
 pub use stack::{of_call as stack_of_call, take_deepest_bytes as take_deepest_stack_bytes};
 pub use uart::{QUEUE_BYTES, Uart};
 
-/// What the board offers.
+/// Peripherals of the board.
 pub struct Board {
     pub uart: Uart,
     pub clock: Clock,

@@ -1,5 +1,5 @@
-//! What happens when the program has a bug: the debugger is told, and the program ends. On a
-//! vehicle, reset the board instead; the host then sees that it has restarted.
+//! Panic handler: prints to the debugger and ends the program. On a vehicle reset the board instead; the host
+//! detects the restart.
 
 use core::panic::PanicInfo;
 

@@ -1,4 +1,4 @@
-//! How deep the stack has been. cortex-m-rt paints it at reset.
+//! Stack usage. cortex-m-rt paints the stack at reset.
 #![allow(unsafe_code, reason = "reads the stack's own memory")]
 
 use cortex_m_rt::STACK_PAINT_VALUE;
@@ -8,8 +8,8 @@ unsafe extern "C" {
     static _stack_start: u32;
 }
 
-/// Bytes from the top of the stack to the deepest word written since reset or since the last call,
-/// which paints the stack anew.
+/// Bytes from the top of the stack to the deepest word written since reset or the last call. Repaints the
+/// stack.
 pub fn take_deepest_bytes() -> u32 {
     let (end, start) = (&raw const _stack_end, &raw const _stack_start);
     let mut word = end;
@@ -18,18 +18,18 @@ pub fn take_deepest_bytes() -> u32 {
         word = word.wrapping_add(1);
     }
     let deepest = depth(word.addr());
-    // What an interrupt writes meanwhile it has done with when painting goes on.
+    // An interrupt in between has finished with its stack when painting continues.
     let below_this_call = cortex_m::register::msp::read() as usize - OWN_FRAME_BYTES;
     while word.addr() < below_this_call {
-        // SAFETY: below the stack pointer, where nothing lives.
+        // SAFETY: below the stack pointer, which is unused.
         unsafe { word.cast_mut().write_volatile(STACK_PAINT_VALUE) };
         word = word.wrapping_add(1);
     }
     deepest
 }
 
-/// Makes a call and says how many bytes of stack it took, as far as [`WINDOW_BYTES`]. Paints them
-/// first, which takes thousands of cycles.
+/// Makes a call and returns its stack usage in bytes, up to [`WINDOW_BYTES`]. Paints them first, which takes
+/// thousands of cycles.
 #[inline(never)]
 pub fn of_call<T>(call: impl FnOnce() -> T) -> (T, u32) {
     let here = cortex_m::register::msp::read() as usize;
@@ -37,7 +37,7 @@ pub fn of_call<T>(call: impl FnOnce() -> T) -> (T, u32) {
     let bottom = end.max(here.saturating_sub(WINDOW_BYTES)) as *mut u32;
     let mut word = bottom;
     while word.addr() < here - OWN_FRAME_BYTES {
-        // SAFETY: RAM of the stack, below the stack pointer, where nothing lives.
+        // SAFETY: RAM of the stack, below the stack pointer, which is unused.
         unsafe { word.write_volatile(STACK_PAINT_VALUE) };
         word = word.wrapping_add(1);
     }

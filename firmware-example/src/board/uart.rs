@@ -1,4 +1,4 @@
-//! UART 0, a CMSDK APB UART: bytes come in by interrupt through a queue, and go out by polling.
+//! UART 0, a CMSDK APB UART: reception by interrupt through a queue, transmission by polling.
 #![allow(unsafe_code, reason = "device registers and the interrupt")]
 
 use core::cell::RefCell;
@@ -10,7 +10,7 @@ use critical_section::Mutex;
 use heapless::spsc::{Consumer, Queue};
 use ins_link::Receiver;
 
-/// Bytes that can wait for the main loop.
+/// Capacity of the queue to the main loop.
 pub const QUEUE_BYTES: usize = 2048;
 
 const DATA: *mut u32 = 0x4000_4000 as *mut u32;
@@ -26,8 +26,8 @@ const CONTROL_TRANSMIT: u32 = 1 << 0;
 const CONTROL_RECEIVE: u32 = 1 << 1;
 const CONTROL_RECEIVE_INTERRUPT: u32 = 1 << 3;
 const INTERRUPT_RECEIVE: u32 = 1 << 1;
-/// 25 MHz / 27 = 926 kbaud: 921 600 within 0.5 %. A solution and the estimates with each of 100
-/// samples a second need half of it.
+/// 25 MHz / 27 = 926 kbaud: 921 600 within 0.5 %. Solution and estimates with each sample at 100 Hz need half of
+/// it.
 const DIVIDER: u32 = 27;
 
 static RECEIVER: Mutex<RefCell<Option<Receiver<'static>>>> = Mutex::new(RefCell::new(None));
@@ -56,7 +56,7 @@ impl Uart {
             CONTROL,
             CONTROL_TRANSMIT | CONTROL_RECEIVE | CONTROL_RECEIVE_INTERRUPT,
         );
-        // SAFETY: what the interrupt uses is in place.
+        // SAFETY: everything used by the interrupt is initialized.
         unsafe {
             nvic.set_priority(ReceiveInterrupt, 0);
             NVIC::unmask(ReceiveInterrupt);
@@ -64,9 +64,9 @@ impl Uart {
         Some(Self { received })
     }
 
-    /// The next byte, or sleep until something happens.
+    /// The next byte; sleeps until an interrupt if there is none.
     pub fn receive(&mut self) -> Option<u8> {
-        // An interrupt between the look and the sleep still ends the sleep, as it stays pending.
+        // An interrupt between the check and the sleep stays pending, and ends the sleep.
         cortex_m::interrupt::free(|_| {
             if !self.received.ready() {
                 cortex_m::asm::wfi();
@@ -82,7 +82,7 @@ impl Uart {
         }
     }
 
-    /// Bytes that came and found no room, since the last call.
+    /// Bytes lost because the queue was full, since the last call.
     pub fn take_lost(&mut self) -> u32 {
         critical_section::with(|cs| {
             RECEIVER
@@ -93,7 +93,7 @@ impl Uart {
     }
 }
 
-/// All interrupts land here, as no device crate names them; only the receiver's is enabled.
+/// Handler of all interrupts, as there is no device crate; only the receiver's is enabled.
 #[exception]
 unsafe fn DefaultHandler(_number: i16) {
     critical_section::with(|cs| {
@@ -114,11 +114,11 @@ unsafe fn DefaultHandler(_number: i16) {
 }
 
 fn read(register: *mut u32) -> u32 {
-    // SAFETY: only this file's register addresses come here; reading them is always allowed.
+    // SAFETY: only called with this file's register addresses; reading them is always allowed.
     unsafe { register.read_volatile() }
 }
 
 fn write(register: *mut u32, value: u32) {
-    // SAFETY: only this file's register addresses come here.
+    // SAFETY: only called with this file's register addresses.
     unsafe { register.write_volatile(value) }
 }
