@@ -421,6 +421,24 @@ fn a_negative_sigma_is_ignored() {
     assert_ne!(drive(Some(1.0)), silent);
 }
 
+/// Nor while aligning, where no more than the sigma's square is used.
+#[test]
+fn a_large_negative_sigma_states_nothing() {
+    let mut car = Car::new(bends);
+    car.until(60.0, true, Some);
+    // Longer than is bridged: aligned anew.
+    car.until(64.0, false, |_| None);
+    let sigma = FixSigma {
+        position_m: Some(-1e200),
+        height_m: Some(-9999.0),
+        ..FixSigma::default()
+    };
+    car.until(66.0, true, |fix| Some(GnssFix { sigma, ..fix }));
+    assert_ne!(car.navigator.phase(), Phase::Navigating);
+    let stated = car.navigator.sigma().unwrap();
+    assert!(stated.position_m.max() < 50.0, "{stated:?}");
+}
+
 /// As after a cold start: a large error, which the receiver states, until it has a fix.
 #[test]
 fn positions_with_large_stated_sigmas_are_weighted_by_them() {
