@@ -89,10 +89,12 @@ struct OutOfSequence {
     last: Time,
 }
 
-/// A gap that was interpolated, and the difference of the readings at both ends, rad/s and m/s^2.
+/// A gap that was interpolated, that part of it in which stamps had gone back, and the difference of the
+/// readings at both ends, rad/s and m/s^2.
 #[derive(Clone, Copy, Debug)]
 struct Bridged {
     seconds: f64,
+    set_back_s: f64,
     ends_differ: [f64; 2],
 }
 
@@ -481,6 +483,7 @@ impl<const RING: usize> State<RING> {
         }
         (gap || set_back_s > 0.0).then_some(Bridged {
             seconds: seconds + set_back_s,
+            set_back_s,
             ends_differ: [rate, accel],
         })
     }
@@ -505,7 +508,7 @@ impl<const RING: usize> State<RING> {
             }
             Mode::Navigating(ins) => {
                 if let Some(gap) = bridged {
-                    ins.on_gap(gap.seconds, gap.ends_differ);
+                    ins.on_gap(gap.seconds, gap.set_back_s, gap.ends_differ);
                 }
                 ins.on_interval(now, interval, config);
             }

@@ -1031,6 +1031,19 @@ fn heading_sigma_covers_motion_hidden_by_a_clock_set_back() {
         wrap_pi(hidden_rad).abs() < 3.0 * after_rad,
         "{hidden_rad} {after_rad}"
     );
+    let way_off_m = |car: &Car| {
+        let sigma_m = car.navigator.sigma().unwrap().position_m;
+        (car.off_m().xy().norm(), sigma_m.x)
+    };
+    let (off_m, sigma_m) = way_off_m(&car);
+    assert!(off_m < 2.0 * sigma_m, "{off_m} {sigma_m}");
+    // And fixes, on the same clock, put it right.
+    car.until(130.0, true, |fix| {
+        let time = fix.time.plus_seconds(-0.8);
+        Some(GnssFix { time, ..fix })
+    });
+    let (off_m, sigma_m) = way_off_m(&car);
+    assert!(off_m < 3.0 && off_m < 3.0 * sigma_m, "{off_m} {sigma_m}");
 }
 
 /// Ten velocities a second, and late positions in fixes between them.

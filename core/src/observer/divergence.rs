@@ -54,8 +54,9 @@ pub struct DataGap {
 }
 
 impl DataGap {
-    /// Begins at a sample and lasts for `seconds`; the readings differ by rad/s and m/s^2.
-    pub fn after(start: Time, seconds: f64, [rate, accel]: [f64; 2]) -> Self {
+    /// Begins at a sample and lasts for `seconds`; `missed_m` of the way are not interpolated, and the
+    /// readings differ by rad/s and m/s^2.
+    pub fn after(start: Time, seconds: f64, missed_m: f64, [rate, accel]: [f64; 2]) -> Self {
         let part = math::min(seconds / HIDDEN_S, 1.0);
         let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
         // A hidden turn changes the direction of gravity in the body.
@@ -65,7 +66,7 @@ impl DataGap {
         Self {
             start,
             end: start.plus_seconds(seconds),
-            position: moved * moved,
+            position: moved * moved + missed_m * missed_m,
             velocity: accel * accel,
             tilt: 0.01 * rate * rate + gravity_tilt * gravity_tilt,
             azimuth: rate * rate,
