@@ -238,6 +238,22 @@ fn a_latency_jump_is_estimated_again() {
     assert_eq!(car.navigator.health().restarts, 0);
 }
 
+/// It has been off by the way in half a second, as positions were, which are right again.
+#[test]
+fn a_position_that_a_latency_has_moved_does_not_stay() {
+    let mut car = Car::new(bends);
+    car.until(100.0, true, Some);
+    for late_s in [-0.5, 0.4] {
+        let until_s = car.time_s() + 100.0;
+        car.until(until_s, true, |fix| {
+            let time = fix.time.plus_seconds(late_s);
+            Some(GnssFix { time, ..fix })
+        });
+        let (off_m, sigma) = (car.off_m().xy(), car.navigator.sigma().unwrap());
+        assert!(off_m.norm() < 2.0 * sigma.position_m.x, "{off_m} {sigma:?}");
+    }
+}
+
 #[test]
 fn parameter_variances_grow_over_a_long_gap() {
     let mut car = Car::new(bends);

@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::error_state::ErrorState;
 use super::{Observer, estimated};
-use crate::channel::Channel;
+use crate::channel::{Channel, Measured};
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::history::SPACING_S;
@@ -114,6 +114,19 @@ impl Observer {
         }
         self.widen(which, variance);
         self.resets.note(self.horizon);
+        if which == index::LATENCY {
+            self.doubt_position_noise();
+        }
+    }
+
+    /// Positions were compared with an INS of a wrong time: what they are off by passes for their noise, and
+    /// would hold for minutes an INS that has followed them.
+    fn doubt_position_noise(&mut self) {
+        let off_m = self.state.noise(Kind::Position);
+        let noise = self.level.noise(Measured::Position);
+        self.level.reset_position_noise(noise);
+        self.level.add_position_variance(0.5 * off_m.norm_squared());
+        self.scale_gnss_noise([1.0, 0.0], [1.0; 2]);
     }
 
     /// Resets the covariance of a diverged INS, with this variance of the velocity error, to that after
