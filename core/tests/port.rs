@@ -242,15 +242,18 @@ fn a_latency_jump_is_estimated_again() {
 #[test]
 fn a_position_that_a_latency_has_moved_does_not_stay() {
     let mut car = Car::new(bends);
-    car.until(100.0, true, Some);
+    car.run_until(100.0, true, Some);
     for late_s in [-0.5, 0.4] {
         let until_s = car.time_s() + 100.0;
-        car.until(until_s, true, |fix| {
+        car.run_until(until_s, true, |fix| {
             let time = fix.time.plus_seconds(late_s);
             Some(GnssFix { time, ..fix })
         });
-        let (off_m, sigma) = (car.off_m().xy(), car.navigator.sigma().unwrap());
-        assert!(off_m.norm() < 2.0 * sigma.position_m.x, "{off_m} {sigma:?}");
+        let (error_m, sigma) = (car.error_m().xy(), car.navigator.sigma().unwrap());
+        assert!(
+            error_m.norm() < 2.0 * sigma.position_m.x,
+            "{error_m} {sigma:?}"
+        );
     }
 }
 
@@ -441,15 +444,15 @@ fn a_negative_sigma_is_ignored() {
 #[test]
 fn a_large_negative_sigma_states_nothing() {
     let mut car = Car::new(bends);
-    car.until(60.0, true, Some);
+    car.run_until(60.0, true, Some);
     // Longer than is bridged: aligned anew.
-    car.until(64.0, false, |_| None);
+    car.run_until(64.0, false, |_| None);
     let sigma = FixSigma {
         position_m: Some(-1e200),
         height_m: Some(-9999.0),
         ..FixSigma::default()
     };
-    car.until(66.0, true, |fix| Some(GnssFix { sigma, ..fix }));
+    car.run_until(66.0, true, |fix| Some(GnssFix { sigma, ..fix }));
     assert_ne!(car.navigator.phase(), Phase::Navigating);
     let stated = car.navigator.sigma().unwrap();
     assert!(stated.position_m.max() < 50.0, "{stated:?}");
@@ -1032,6 +1035,36 @@ fn position_is_propagated_by_velocities_during_alignment() {
     }
 }
 
+/// A tenth of a second is twenty metres, and what it is shows only later.
+#[test]
+fn a_fast_start_at_an_unknown_latency_is_doubted_at_once() {
+    for late_s in [0.3, -0.1] {
+        let mut car = Car::new(|time_s| {
+            let phase = 0.25 * time_s;
+            (
+                200.0 + 8.0 * phase.sin(),
+                2.0 * phase.cos(),
+                0.02 * phase.sin(),
+            )
+        });
+        let late = |fix: GnssFix| {
+            let time = fix.time.plus_seconds(late_s);
+            Some(GnssFix { time, ..fix })
+        };
+        while car.navigator.phase() != Phase::Navigating {
+            assert!(car.time_s() < 200.0);
+            car.run_until(car.time_s() + 0.1, true, late);
+        }
+        for _ in 0..50 {
+            car.run_until(car.time_s() + 0.1, true, late);
+            let (error_m, sigma) = (car.error_m(), car.navigator.sigma().unwrap());
+            for (error_m, sigma_m) in error_m.iter().zip(&sigma.position_m) {
+                assert!(error_m.abs() < 3.0 * sigma_m, "{error_m} {sigma:?}");
+            }
+        }
+    }
+}
+
 /// 0.8 s of a turn are lost, without GNSS.
 #[test]
 fn heading_sigma_covers_motion_hidden_by_a_clock_set_back() {
@@ -1047,19 +1080,22 @@ fn heading_sigma_covers_motion_hidden_by_a_clock_set_back() {
         wrap_pi(hidden_rad).abs() < 3.0 * after_rad,
         "{hidden_rad} {after_rad}"
     );
-    let way_off_m = |car: &Car| {
+    let level_error_m = |car: &Car| {
         let sigma_m = car.navigator.sigma().unwrap().position_m;
-        (car.off_m().xy().norm(), sigma_m.x)
+        (car.error_m().xy().norm(), sigma_m.x)
     };
-    let (off_m, sigma_m) = way_off_m(&car);
-    assert!(off_m < 2.0 * sigma_m, "{off_m} {sigma_m}");
+    let (error_m, sigma_m) = level_error_m(&car);
+    assert!(error_m < 2.0 * sigma_m, "{error_m} {sigma_m}");
     // And fixes, on the same clock, put it right.
-    car.until(130.0, true, |fix| {
+    car.run_until(130.0, true, |fix| {
         let time = fix.time.plus_seconds(-0.8);
         Some(GnssFix { time, ..fix })
     });
-    let (off_m, sigma_m) = way_off_m(&car);
-    assert!(off_m < 3.0 && off_m < 3.0 * sigma_m, "{off_m} {sigma_m}");
+    let (error_m, sigma_m) = level_error_m(&car);
+    assert!(
+        error_m < 3.0 && error_m < 3.0 * sigma_m,
+        "{error_m} {sigma_m}"
+    );
 }
 
 /// Ten velocities a second, and late positions in fixes between them.

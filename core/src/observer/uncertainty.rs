@@ -17,6 +17,8 @@ use crate::solution::SolutionSigma;
 const GRADIENT_PER_S2: f64 = 3.1e-6;
 /// Components of the INS error.
 const COMPONENTS: usize = 9;
+/// Ratio by which a measurement reduces a variance only where it was not held by fixes before.
+const KNOWN_RATIO: f64 = 0.5;
 /// Growth of the smoothing, over what it was linearized at, and at first over the prior sigma unless it is
 /// known, from which it is learnt anew: beyond chance in a receiver that does not smooth.
 const RELEARN_RATIO: f64 = 2.0;
@@ -160,6 +162,28 @@ impl Observer {
                 math::single(gnss.lever_arm_sigma_m * gnss.lever_arm_sigma_m)
             }
             _ => 0.0,
+        }
+    }
+
+    /// A measurement has reduced the variances of position, velocity and tilt for given parameters from
+    /// these to those. If by much, the parameters' part has grown, and it is not its turn: it is stated as
+    /// without correlations, but as no more than was lost.
+    pub(super) fn on_known(&mut self, kind: Kind, before: [f64; 3], after: [f64; 3]) {
+        let axes = if kind.is_up() { 2..3 } else { 0..2 };
+        for (state, (before, after)) in before.into_iter().zip(after).enumerate() {
+            if after >= KNOWN_RATIO * before {
+                continue;
+            }
+            for component in axes.clone().map(|axis| 3 * state + axis) {
+                let mut most = 0.0;
+                for (own, sigma) in self.sensitivities.iter_mut().zip(&self.parameters.sigma) {
+                    let by = own.error.component(component).map_or(0.0, |by| *by * sigma);
+                    most += by * by;
+                }
+                if let Some(own) = self.parameter_variance.component(component) {
+                    *own = math::max(*own, math::min(*own + math::single(before - after), most));
+                }
+            }
         }
     }
 

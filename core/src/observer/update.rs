@@ -168,7 +168,9 @@ impl Observer {
         };
         // Both level axes have the same covariance.
         let tilt = channel.tilt();
+        let before = [channel.position(), channel.velocity(), tilt];
         let gains = channel.update(kind.measured(), white);
+        let after = [channel.position(), channel.velocity(), channel.tilt()];
         let total = predicted + white;
         self.state.correct(&gains, &innovation);
         let single_gains = gains.map(math::single);
@@ -204,6 +206,7 @@ impl Observer {
             process.corrected(&pair, variance, gains.z, tilt - left);
             process.adapt(left, config.sensors.noise_range);
         }
+        self.on_known(kind, before, after);
         result
     }
 
