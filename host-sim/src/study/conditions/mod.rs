@@ -70,6 +70,7 @@ impl Study {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::vehicles::Begin;
 
     fn study(named: &[&str], class: Grade, first_seed: u64, seeds: u64) -> Study {
         Study {
@@ -125,6 +126,36 @@ mod tests {
     fn a_mast_at_anchor_does_not_mislead_the_search_for_the_heading() {
         let boat = of_kind("masthead", Grade::Mems, 500, 6);
         assert!(boat.never < 1e-9, "{} never aligned", boat.never);
+    }
+
+    /// A receiver that smooths its velocity alone, over 0.6 s, gives positions as much earlier. Taken for as
+    /// smoothed, or for of the INS error of the velocity's time, they moved the forward arm by 2.9 m, and the
+    /// latency by 0.1 s, both seven sigmas.
+    #[test]
+    fn smoothing_of_the_velocity_alone_is_not_taken_for_a_lever_arm() {
+        static PLANE: Kind = Kind {
+            name: "plane_with_smoothed_velocity",
+            what: "",
+            classes: &[Grade::Mems],
+            judge: false,
+            minutes: 15.0,
+            modify: |s| {
+                s.fixed_wing([20.0, 45.0], Begin::InFlight, 10.0);
+                s.noise([0.005, 0.0, 1.0], [0.01, 0.0, 1.0]);
+                s.habits().smoothing_s = 0.6;
+                s.habits().smooths_position = false;
+            },
+        };
+        let study = Study {
+            kinds: vec![&PLANE],
+            only: None,
+            first_seed: 0,
+            seeds: 6,
+            trial: Trial::default(),
+        };
+        for row in study.results(&ProgressBar::hidden()).remove(0).rows {
+            assert_eq!(row.wrong_and_sure, 0, "{}", row.quantity.name);
+        }
     }
 
     #[test]
