@@ -195,11 +195,9 @@ impl GnssFix {
     }
 }
 
-/// Removes a part whose sigma is beyond any, and a sigma that is not positive, as -1 of many receivers.
+/// Removes a part whose sigma is beyond any.
 fn known<T>(part: &mut Option<T>, sigma: &mut Option<f64>, anything: f64) {
     if sigma.is_some_and(|sigma| sigma >= anything) {
         (*part, *sigma) = (None, None);
-    } else if sigma.is_some_and(|sigma| sigma <= 0.0) {
-        *sigma = None;
     }
 }

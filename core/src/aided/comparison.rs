@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 
 use crate::channel::Measured;
 use crate::history::PastState;
+use crate::math;
 use crate::measurement::{Difference, Kind};
 use crate::samples::GnssFix;
 use crate::time::Time;
@@ -41,12 +42,12 @@ pub struct Component {
 }
 
 impl Component {
-    /// Of a fix, with its stated sigma, of which the square may be too small for a number.
+    /// Of a fix, with its stated sigma; not positive, as -1 of many receivers, it is none.
     pub fn of(has: bool, sigma: Option<f64>) -> Self {
         Self {
             has,
             stated: sigma
-                .map(|sigma| sigma * sigma)
+                .map(|sigma| sigma * math::abs(sigma))
                 .filter(|variance| *variance > 0.0),
             used: false,
         }

@@ -781,9 +781,9 @@ impl Alignment {
     }
 }
 
-/// Stated variance beyond the usual one.
+/// Stated variance beyond the usual one; a sigma below zero, as -1 of many receivers, states none.
 fn beyond(stated: Option<f64>, usual: &Noise) -> f64 {
-    let stated = stated.unwrap_or(0.0);
+    let stated = math::max(stated.unwrap_or(0.0), 0.0);
     math::max(stated * stated - usual.variance(), 0.0)
 }
 

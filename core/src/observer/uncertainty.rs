@@ -18,7 +18,7 @@ const GRADIENT_PER_S2: f64 = 3.1e-6;
 /// Components of the INS error.
 const COMPONENTS: usize = 9;
 /// Ratio by which a measurement reduces a variance only where it was not held by fixes before.
-const KNOWN_RATIO: f64 = 0.5;
+pub(super) const KNOWN_RATIO: f64 = 0.5;
 /// Growth of the smoothing, over what it was linearized at, and at first over the prior sigma unless it is
 /// known, from which it is learnt anew: beyond chance in a receiver that does not smooth.
 const RELEARN_RATIO: f64 = 2.0;
@@ -168,6 +168,7 @@ impl Observer {
     /// A measurement has reduced the variances of position, velocity and tilt for given parameters from
     /// these to those. If by much, the parameters' part has grown, and it is not its turn: it is stated as
     /// without correlations, but as no more than was lost.
+    #[inline(never)]
     pub(super) fn on_known(&mut self, kind: Kind, before: [f64; 3], after: [f64; 3]) {
         let axes = if kind.is_up() { 2..3 } else { 0..2 };
         for (state, (before, after)) in before.into_iter().zip(after).enumerate() {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use super::uncertainty::KNOWN_RATIO;
 use super::{JUMPS, Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
@@ -42,13 +43,17 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> bool {
-        let ahead_s = match kind.measured() {
-            Measured::Position => -self.position_delay_s(),
-            Measured::Velocity => 0.0,
-        };
-        self.advance_position(kind, ahead_s);
+        let delay_s = self.parameters.value(index::POSITION_DELAY);
+        let own_time = math::abs(delay_s) > LEAST_DELAY_S
+            && kind.measured() == Measured::Position
+            && self.aided_by(Kind::Velocity);
+        if own_time {
+            self.advance_position(kind, -delay_s);
+        }
         let result = self.form_innovation(past, kind, difference, config);
-        self.advance_position(kind, -ahead_s);
+        if own_time {
+            self.advance_position(kind, delay_s);
+        }
         match result {
             GateResult::Accepted(_) => true,
             GateResult::Rejected => false,
@@ -63,9 +68,6 @@ impl Observer {
     /// be of another time than the velocity beside it.
     #[inline(never)]
     fn advance_position(&mut self, kind: Kind, seconds: f64) {
-        if math::abs(seconds) < LEAST_DELAY_S {
-            return;
-        }
         let channel = if kind.is_up() {
             &mut self.vertical
         } else {
@@ -171,6 +173,10 @@ impl Observer {
         let before = [channel.position(), channel.velocity(), tilt];
         let gains = channel.update(kind.measured(), white);
         let after = [channel.position(), channel.velocity(), channel.tilt()];
+        let known = before
+            .iter()
+            .zip(&after)
+            .any(|(before, after)| *after < KNOWN_RATIO * before);
         let total = predicted + white;
         self.state.correct(&gains, &innovation);
         let single_gains = gains.map(math::single);
@@ -206,7 +212,9 @@ impl Observer {
             process.corrected(&pair, variance, gains.z, tilt - left);
             process.adapt(left, config.sensors.noise_range);
         }
-        self.on_known(kind, before, after);
+        if known {
+            self.on_known(kind, before, after);
+        }
         result
     }
 
@@ -511,15 +519,6 @@ impl Observer {
         let smoothing_s2 = self.smoothing_s2();
         if smoothing_s2 > SMOOTHING_SIGMAS * self.parameters.sigma(index::SMOOTHING) {
             math::sqrt(smoothing_s2)
-        } else {
-            0.0
-        }
-    }
-
-    /// By how much positions are later than the velocities beside them, s.
-    fn position_delay_s(&self) -> f64 {
-        if self.aided_by(Kind::Velocity) {
-            self.parameters.value(index::POSITION_DELAY)
         } else {
             0.0
         }
