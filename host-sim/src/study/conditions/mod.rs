@@ -129,8 +129,8 @@ mod tests {
     }
 
     /// A receiver that smooths its velocity alone, over 0.6 s, gives positions as much earlier. Taken for as
-    /// smoothed, or for of the INS error of the velocity's time, they moved the forward arm by 2.9 m, and the
-    /// latency by 0.1 s, both seven sigmas.
+    /// smoothed, and for of the INS error of the velocity's time, they moved the forward arm by 6.3 m and the
+    /// latency by 0.30 s (RMS of these seeds). 1.7 m and 0.08 s are left.
     #[test]
     fn smoothing_of_the_velocity_alone_is_not_taken_for_a_lever_arm() {
         static PLANE: Kind = Kind {
@@ -141,7 +141,7 @@ mod tests {
             minutes: 15.0,
             modify: |s| {
                 s.fixed_wing([20.0, 45.0], Begin::InFlight, 10.0);
-                s.noise([0.005, 0.0, 1.0], [0.01, 0.0, 1.0]);
+                s.noise([0.05, 0.0, 1.0], [0.5, 1.0, 60.0]);
                 s.habits().smoothing_s = 0.6;
                 s.habits().smooths_position = false;
             },
@@ -153,8 +153,11 @@ mod tests {
             seeds: 6,
             trial: Trial::default(),
         };
-        for row in study.results(&ProgressBar::hidden()).remove(0).rows {
-            assert_eq!(row.wrong_and_sure, 0, "{}", row.quantity.name);
+        let plane = study.results(&ProgressBar::hidden()).remove(0);
+        for (name, limit) in [("lever arm y", 3.0), ("latency", 150.0)] {
+            let row = plane.rows.iter().find(|row| row.quantity.name == name);
+            let error = row.unwrap().rms_error;
+            assert!(error < limit, "{name} {error}");
         }
     }
 
