@@ -238,9 +238,9 @@ fn a_latency_jump_is_estimated_again() {
     assert_eq!(car.navigator.health().restarts, 0);
 }
 
-/// It has been off by the way in half a second, as positions were, which are right again.
+/// Until the jump is detected, the position error is the distance travelled in half a second.
 #[test]
-fn a_position_that_a_latency_has_moved_does_not_stay() {
+fn position_recovers_after_a_latency_jump() {
     let mut car = Car::new(bends);
     car.run_until(100.0, true, Some);
     for late_s in [-0.5, 0.4] {
@@ -440,9 +440,9 @@ fn a_negative_sigma_is_ignored() {
     assert_ne!(drive(Some(1.0)), silent);
 }
 
-/// Nor while aligning, where no more than the sigma's square is used.
+/// While aligning, where only the square of the sigma is used, it is ignored too.
 #[test]
-fn a_large_negative_sigma_states_nothing() {
+fn a_large_negative_sigma_is_ignored_while_aligning() {
     let mut car = Car::new(bends);
     car.run_until(60.0, true, Some);
     // Longer than is bridged: aligned anew.
@@ -1035,9 +1035,9 @@ fn position_is_propagated_by_velocities_during_alignment() {
     }
 }
 
-/// A tenth of a second is twenty metres, and what it is shows only later.
+/// At 200 m/s a latency error of 0.1 s is 20 m, and the latency is not yet observable.
 #[test]
-fn a_fast_start_at_an_unknown_latency_is_doubted_at_once() {
+fn position_sigma_covers_an_unknown_latency_from_the_start() {
     for late_s in [0.3, -0.1] {
         let mut car = Car::new(|time_s| {
             let phase = 0.25 * time_s;

@@ -128,9 +128,9 @@ mod tests {
         assert!(boat.never < 1e-9, "{} never aligned", boat.never);
     }
 
-    /// A receiver that smooths its velocity alone, over 0.6 s, gives positions as much earlier. Taken for as
-    /// smoothed, and for of the INS error of the velocity's time, they moved the forward arm by 6.3 m and the
-    /// latency by 0.30 s (RMS of these seeds). 1.7 m and 0.08 s are left.
+    /// If a receiver smooths its velocity alone, over 0.6 s, positions are that much earlier. Treating them as
+    /// smoothed too, and comparing them with the INS error at the time of the velocity, caused errors of 6.3 m in
+    /// the forward arm and 0.30 s in the latency (RMS of these seeds). 1.7 m and 0.08 s remain.
     #[test]
     fn smoothing_of_the_velocity_alone_is_not_taken_for_a_lever_arm() {
         static PLANE: Kind = Kind {
