@@ -8,6 +8,8 @@
 
 use nalgebra::{ArrayStorage, SVector};
 
+use crate::math;
+
 /// Least squares of at most `N` parameters; `T` is `N (N + 1) / 2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -197,8 +199,23 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
-    /// Back substitution.
     pub fn solve(&self) -> SVector<f32, N> {
+        self.substitute(|_, z| z)
+    }
+
+    /// Covariances of one parameter with each, over its variance: by how much each is wrong if it is by one.
+    pub fn regression_on(&self, index: usize) -> SVector<f32, N> {
+        let mut one = unit(index);
+        let variance = self.whiten(&mut one);
+        let covariances = self.substitute(|i, _| {
+            let (own, weight) = (one.get(i), self.weight.get(i));
+            own.zip(weight).map_or(0.0, |(own, weight)| own / weight)
+        });
+        covariances / math::max(variance, f32::MIN_POSITIVE)
+    }
+
+    /// Back substitution of a right side, which is given each row's number and `z`.
+    fn substitute(&self, right: impl Fn(usize, f32) -> f32) -> SVector<f32, N> {
         let mut x = SVector::zeros();
         let rows = self.rows.as_slice();
         let Some(mut rows) = rows.get(..start(self.count, self.count)) else {
@@ -216,7 +233,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             ) else {
                 return x;
             };
-            *own = z - dot(row, later);
+            *own = right(i, *z) - dot(row, later);
             rows = above;
         }
         x
@@ -249,6 +266,12 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
 
     /// Variance of the sum `coefficients . x`.
     pub fn variance_of(&self, mut coefficients: [f32; N]) -> f32 {
+        self.whiten(&mut coefficients)
+    }
+
+    /// Makes coefficients of the parameters those of the rows' independent errors, and returns the variance
+    /// of the sum.
+    fn whiten(&self, coefficients: &mut [f32; N]) -> f32 {
         let mut left = coefficients.get_mut(..self.count).unwrap_or_default();
         let mut rows = self.rows.as_slice();
         let mut variance = 0.0;

@@ -105,6 +105,8 @@ pub struct Observer {
     /// learnt anew.
     linearized_at_s2: f64,
     relearns_arm: bool,
+    /// Error of each parameter if the smoothing is wrong by itself.
+    by_shape: SVector<f32, COUNT>,
     /// Time since the last solution, s; that between the two before it; and variance by which the azimuth
     /// has walked since then, rad^2.
     unsolved_s: f64,
@@ -175,6 +177,7 @@ impl Observer {
             reinflation: None,
             linearized_at_s2: 0.0,
             relearns_arm: false,
+            by_shape: SVector::zeros(),
             unsolved_s: 0.0,
             elapsed_s: 0.0,
             azimuth_walk: 0.0,

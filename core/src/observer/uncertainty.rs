@@ -136,6 +136,14 @@ impl Observer {
             // Stated from now on.
             variance += self.reinflation.unwrap_or_default();
         }
+        if which == index::SMOOTHING {
+            // Of the low pass of the ring: a receiver may have another with the same time constant.
+            let is_long = self.smoothing_time_s() > LONG_SMOOTHING_S;
+            let s2 = if is_long { self.smoothing_s2() } else { 0.0 };
+            self.by_shape = self.corrections.regression_on(which) * math::single(s2);
+        } else if let Some(by_shape) = self.by_shape.get(which) {
+            variance += by_shape * by_shape;
+        }
         let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
         let value = self.parameters.value(which);
         self.parameters.set(which, value, sigma);

@@ -27,9 +27,6 @@ const SMOOTHING_SIGMAS: f64 = 3.0;
 /// Delay of positions from which on the INS error changes meanwhile, s: before, by centimetres.
 const LEAST_DELAY_S: f64 = 0.05;
 
-/// Least memory of a receiver that smooths, s.
-const LEAST_MEMORY_S: f64 = 1e-6;
-
 /// Sigmas of gyro noise, in its mean between two entries of the ring, within which a rate shows no lever
 /// arm: beyond, the noise of all three is a thirtieth of its square.
 const NOISE_SIGMAS: f64 = 10.0;
@@ -379,11 +376,10 @@ impl Observer {
         };
         let smoothing_s2 = self.smoothing_s2();
         // A position that lags less than the velocity beside it is smoothed over what is left of the time
-        // constant.
+        // constant: a share of its variance, less the delay times what is left.
         let (share, left_s) = if delay_s < 0.0 {
-            let memory_s = math::sqrt(smoothing_s2);
-            let left_s = math::max(memory_s + delay_s, 0.0);
-            (left_s / math::max(memory_s, LEAST_MEMORY_S), left_s)
+            let left_s = math::max(math::sqrt(smoothing_s2) + delay_s, 0.0);
+            (left_s / (left_s - delay_s), left_s)
         } else {
             (1.0, 0.0)
         };
@@ -410,8 +406,7 @@ impl Observer {
             has_delay,
             by_delay: by_latency - accel_mps2 * left_s,
             // Of half a second the second order is decimetres.
-            delay_part: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s
-                + 0.5 * accel_mps2 * (share * (1.0 - share) * smoothing_s2),
+            delay_part: (by_latency + 0.5 * accel_mps2 * (delay_s - left_s)) * delay_s,
             by_smoothing,
             by_lever_arm: arm_rows + arm_curvature * (part * smoothing_s2),
             arm_part: by_azimuth * tilt.z - arm_effect,

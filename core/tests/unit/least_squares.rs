@@ -126,6 +126,9 @@ proptest! {
             prop_assert!((f64::from(solved[k]) - gaussian.mean[k]).abs() < rounding * size);
             let expected = gaussian.covariance[(k, k)];
             prop_assert!((f64::from(rows.variance(k)) / expected - 1.0).abs() < rounding);
+            let regression = rows.regression_on(k).map(f64::from);
+            let difference = regression - gaussian.covariance.column(k) / expected;
+            prop_assert!(difference.norm() < rounding * gaussian.covariance.norm() / expected);
         }
         let asked = Vector4::from(asked);
         let variance = f64::from(rows.variance_of(asked.cast().into()));
@@ -184,4 +187,5 @@ fn an_invalid_index_changes_nothing() {
     after.diffuse(0, 1e-40);
     after.redefine(2, &Vector2::zeros());
     assert_eq!(after, before);
+    assert_eq!(before.regression_on(2), Vector2::zeros());
 }
