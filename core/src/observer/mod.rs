@@ -105,7 +105,8 @@ pub struct Observer {
     /// learnt anew.
     linearized_at_s2: f64,
     relearns_arm: bool,
-    /// Error of each parameter if the smoothing is wrong by itself.
+    /// Error of each parameter if a long smoothing is wrong by its own size: of the low pass of the ring
+    /// only the time constant is estimated, and a receiver may have another.
     by_shape: SVector<f32, COUNT>,
     /// Time since the last solution, s; that between the two before it; and variance by which the azimuth
     /// has walked since then, rad^2.

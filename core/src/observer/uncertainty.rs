@@ -1,6 +1,6 @@
 //! Sigmas of solution and parameters.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{SVector, Vector2, Vector3};
 
 use super::Observer;
 use super::consistency::Consistency;
@@ -137,10 +137,11 @@ impl Observer {
             variance += self.reinflation.unwrap_or_default();
         }
         if which == index::SMOOTHING {
-            // Of the low pass of the ring: a receiver may have another with the same time constant.
-            let is_long = self.smoothing_time_s() > LONG_SMOOTHING_S;
-            let s2 = if is_long { self.smoothing_s2() } else { 0.0 };
-            self.by_shape = self.corrections.regression_on(which) * math::single(s2);
+            self.by_shape = if self.smoothing_time_s() > LONG_SMOOTHING_S {
+                self.corrections.regression_on(which) * math::single(self.smoothing_s2())
+            } else {
+                SVector::zeros()
+            };
         } else if let Some(by_shape) = self.by_shape.get(which) {
             variance += by_shape * by_shape;
         }
