@@ -97,6 +97,11 @@ mod tests {
         study.results(&ProgressBar::hidden()).remove(0)
     }
 
+    fn row<'a>(results: &'a Results, quantity: &str) -> &'a Row {
+        let mut rows = results.rows.iter();
+        rows.find(|row| row.quantity.name == quantity).unwrap()
+    }
+
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {
         let study = study(&["ten_wrong", "many_samples"], Grade::Mems, 3, 2);
@@ -157,8 +162,7 @@ mod tests {
         };
         let plane = of_new_kind(&PLANE, 6);
         for (name, limit) in [("lever arm y", 3.0), ("latency", 150.0)] {
-            let row = plane.rows.iter().find(|row| row.quantity.name == name);
-            let error = row.unwrap().rms_error;
+            let error = row(&plane, name).rms_error;
             assert!(error < limit, "{name} {error}");
         }
     }
@@ -182,9 +186,7 @@ mod tests {
             },
         };
         let quadrotor = of_new_kind(&QUADROTOR, 8);
-        let rows = &quadrotor.rows;
-        let arm = rows.iter().find(|row| row.quantity.name == "lever arm z");
-        let ratio = arm.unwrap().rms_ratio.unwrap();
+        let ratio = row(&quadrotor, "lever arm z").rms_ratio.unwrap();
         assert!(ratio < 1.5, "{ratio}");
     }
 
@@ -231,9 +233,7 @@ mod tests {
     /// RMS of error over sigma.
     fn ratio(kind: &str, class: Grade, first_seed: u64, seeds: u64, quantity: &str) -> f64 {
         let results = of_kind(kind, class, first_seed, seeds);
-        let mut rows = results.rows.iter();
-        let row = rows.find(|row| row.quantity.name == quantity).unwrap();
-        row.rms_ratio.unwrap()
+        row(&results, quantity).rms_ratio.unwrap()
     }
 
     /// A receiver that smooths gives a false lateral velocity in every turn. Taken as white noise of each fix,
