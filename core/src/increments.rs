@@ -12,6 +12,8 @@ use crate::samples::{ImuOutput, ImuSample};
 const MISSING_RATIO: f64 = 1.75;
 /// Largest deviation of a stamp from its due time, in intervals, that is jitter.
 const JITTER_RATIO: f64 = 0.5;
+/// Least of it whose noise counts: in strong vibration it makes that of a good accelerometer.
+const LEAST_JITTER_RATIO: f64 = 1e-3;
 /// Memory of the jitter, in stamps, and of the usual interval where stamps are irregular.
 const STAMPS: f64 = 16.0;
 /// Successive gaps that show a lower rate: with one sample in five lost there are so many once in an hour.
@@ -124,6 +126,28 @@ impl Increments {
     pub fn has_gap(&self, seconds: f64) -> bool {
         let longest = MISSING_RATIO * self.usual_s;
         self.usual_s > 0.0 && seconds > longest && seconds + self.late_s > longest
+    }
+
+    /// Whether these are rates whose stamps jitter.
+    pub(crate) fn jitters(&self) -> bool {
+        self.output == ImuOutput::Rates
+            && math::abs(self.late_s) > LEAST_JITTER_RATIO * self.usual_s
+    }
+
+    /// Noise that jitter adds to rates before `sample`: variance of the angle and of the velocity gained,
+    /// rad^2 and (m/s)^2.
+    ///
+    /// A stamp that is late moves time from the interval after it to the one before, whose mean readings
+    /// differ. Whether the sample was as late as its stamp is not known: if so, what the readings were in
+    /// between is as uncertain.
+    #[inline(never)]
+    pub(crate) fn jitter_noise(&self, sample: &ImuSample) -> [f64; 2] {
+        let moved_s = 0.5 * self.late_s;
+        let changes = [
+            sample.gyro - self.gyro + self.gyro_change,
+            sample.accel - self.accel + self.accel_change,
+        ];
+        changes.map(|change| moved_s * moved_s * change.norm_squared())
     }
 
     /// Difference of the readings on both sides of a gap before `sample`, rad/s and m/s^2.

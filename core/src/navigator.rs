@@ -451,6 +451,11 @@ impl<const RING: usize> State<RING> {
         let Some((last, increments)) = &mut self.inertial else {
             return Err(ImuOutcome::Gap);
         };
+        if increments.jitters()
+            && let Mode::Navigating(ins) = &mut self.mode
+        {
+            ins.on_noise(increments.jitter_noise(sample));
+        }
         self.interval = increments.interval_of(sample, seconds, gap);
         *last = sample.time;
         Ok(bridged)

@@ -382,6 +382,13 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
+    /// The next interval has noise beyond that of the sensors: variance of angle and velocity gained.
+    pub fn on_noise(&mut self, [angle, velocity]: [f64; 2]) {
+        if let Some(observer) = self.estimator.exact_mut() {
+            observer.add_noise(velocity, angle, angle);
+        }
+    }
+
     /// Advances over the interval that ends at `time`.
     #[inline(never)]
     pub fn on_interval(&mut self, time: Time, raw: &Interval, config: &Config) {
