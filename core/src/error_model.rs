@@ -1,6 +1,6 @@
 //! Error model of the INS, (1) and (2), driven by the sensor errors.
 
-use nalgebra::{Matrix3, RealField, Scalar, Vector3, convert};
+use nalgebra::{RealField, Scalar, Vector3, convert};
 
 use crate::earth::{GRAVITY_EQUATOR_MPS2, SEMI_MAJOR_AXIS_M};
 use crate::history::Span;
@@ -322,14 +322,10 @@ pub fn for_each_input(
     }
 }
 
-/// White noise of these variances per body axis: variance of a level axis on average, and of the vertical.
-pub fn level_and_up(
-    attitude_s: &Matrix3<f64>,
-    seconds: f64,
-    variance: &Vector3<f64>,
-) -> (f64, f64) {
-    let up = attitude_s.row(2).transpose() / seconds;
-    let up_variance = up.component_mul(&up).dot(variance);
+/// White noise of these variances per body axis: variance of a level axis on average, and of the vertical,
+/// which is `up` in body axes.
+pub fn level_and_up(up: &Vector3<f64>, variance: &Vector3<f64>) -> (f64, f64) {
+    let up_variance = up.component_mul(up).dot(variance);
     (0.5 * (variance.sum() - up_variance), up_variance)
 }
 

@@ -103,6 +103,7 @@ impl Increments {
             output,
             gyro: first.gyro,
             accel: first.accel,
+
             ..Self::default()
         }
     }
@@ -134,20 +135,19 @@ impl Increments {
             && math::abs(self.late_s) > LEAST_JITTER_RATIO * self.usual_s
     }
 
-    /// Noise that jitter adds to rates before `sample`: variance of the angle and of the velocity gained,
-    /// rad^2 and (m/s)^2.
+    /// Noise that jitter adds to rates before `sample`: variances of the angle and of the velocity gained, per
+    /// body axis, rad^2 and (m/s)^2.
     ///
     /// A stamp that is late moves time from the interval after it to the one before, whose mean readings
     /// differ. Whether the sample was as late as its stamp is not known: if so, what the readings were in
     /// between is as uncertain.
-    #[inline(never)]
-    pub(crate) fn jitter_noise(&self, sample: &ImuSample) -> [f64; 2] {
+    pub(crate) fn jitter_noise(&self, sample: &ImuSample) -> [Vector3<f64>; 2] {
         let moved_s = 0.5 * self.late_s;
         let changes = [
             sample.gyro - self.gyro + self.gyro_change,
             sample.accel - self.accel + self.accel_change,
         ];
-        changes.map(|change| moved_s * moved_s * change.norm_squared())
+        changes.map(|change| change.component_mul(&change) * (moved_s * moved_s))
     }
 
     /// Difference of the readings on both sides of a gap before `sample`, rad/s and m/s^2.

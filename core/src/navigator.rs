@@ -400,7 +400,8 @@ impl<const RING: usize> State<RING> {
         counts: &mut Counts,
         config: &Config,
     ) -> Result<Option<Bridged>, ImuOutcome> {
-        if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
+        // Zero times what is not finite is NaN.
+        if (0.0 * sample.gyro + 0.0 * sample.accel).sum().is_nan() {
             return Err(ImuOutcome::NotFinite);
         }
         let Some((last, increments)) = &mut self.inertial else {
@@ -417,7 +418,7 @@ impl<const RING: usize> State<RING> {
             }
             return Err(ImuOutcome::TimeNotIncreasing);
         }
-        let gap = increments.has_gap(seconds);
+        let (gap, jitters) = (increments.has_gap(seconds), increments.jitters());
         let reading_s = math::min(increments.reading_seconds(seconds, gap), LONGEST_READING_S);
         if largest.out_of_range(reading_s, config) {
             // Increments over longer intervals are larger.
@@ -443,28 +444,23 @@ impl<const RING: usize> State<RING> {
                 return Err(ImuOutcome::Gap);
             }
         }
-        let bridged = if gap || self.out_of_sequence.is_some() {
-            self.bridge(sample, seconds, gap, largest.gyro, config)
+        let bridged = if gap || jitters || self.out_of_sequence.is_some() {
+            self.on_irregular(sample, seconds, gap, largest.gyro, config)
         } else {
             None
         };
         let Some((last, increments)) = &mut self.inertial else {
             return Err(ImuOutcome::Gap);
         };
-        if increments.jitters()
-            && let Mode::Navigating(ins) = &mut self.mode
-        {
-            ins.on_noise(increments.jitter_noise(sample));
-        }
         self.interval = increments.interval_of(sample, seconds, gap);
         *last = sample.time;
         Ok(bridged)
     }
 
-    /// Gap that the interval before a sample bridges: missing samples, or those that were refused since the
-    /// clock was set back. Single stamps out of order are neither.
+    /// The interval before a sample is noisier, or not whole. Returns the gap that it bridges: missing samples,
+    /// or those that were refused since the clock was set back. Single stamps out of order are neither.
     #[inline(never)]
-    fn bridge(
+    fn on_irregular(
         &mut self,
         sample: &ImuSample,
         seconds: f64,
@@ -473,6 +469,11 @@ impl<const RING: usize> State<RING> {
         config: &Config,
     ) -> Option<Bridged> {
         let (last, increments) = self.inertial.as_ref()?;
+        if increments.jitters()
+            && let Mode::Navigating(ins) = &mut self.mode
+        {
+            ins.on_noise(&increments.jitter_noise(sample));
+        }
         let set_back_s = self.out_of_sequence.take().map_or(0.0, |out_of_sequence| {
             let resumes = !increments.has_gap(sample.time.seconds_since(out_of_sequence.last));
             if resumes {

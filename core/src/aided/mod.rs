@@ -382,10 +382,11 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// The next interval has noise beyond that of the sensors: variance of angle and velocity gained.
-    pub fn on_noise(&mut self, [angle, velocity]: [f64; 2]) {
+    /// The next interval has noise beyond that of the sensors: variances of the angle and of the velocity
+    /// gained, per body axis.
+    pub fn on_noise(&mut self, [angle, velocity]: &[Vector3<f64>; 2]) {
         if let Some(observer) = self.estimator.exact_mut() {
-            observer.add_noise(velocity, angle, angle);
+            observer.on_noise(angle, velocity);
         }
     }
 

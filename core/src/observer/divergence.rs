@@ -94,17 +94,9 @@ impl DataGap {
 impl Observer {
     /// The horizon has reached the end of a gap.
     pub fn on_gap(&mut self, gap: &DataGap) {
-        self.add_noise(gap.velocity, gap.tilt, gap.azimuth);
+        self.add_noise([gap.velocity; 2], [gap.tilt, gap.azimuth]);
         self.level.add_position_variance(gap.position);
         self.vertical.add_position_variance(gap.position);
-    }
-
-    /// The INS is uncertain by these variances more: of each component of velocity and of the tilt, and of
-    /// the azimuth.
-    pub fn add_noise(&mut self, velocity: f64, tilt: f64, azimuth: f64) {
-        self.level.add_variance(velocity, tilt);
-        self.vertical.add_variance(velocity, 0.0);
-        self.azimuth_walk += azimuth;
     }
 
     /// A parameter has jumped by a size of this variance, some time before detection: part of the INS error

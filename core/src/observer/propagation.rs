@@ -94,10 +94,10 @@ impl Observer {
     #[inline(never)]
     fn grow_variance(&mut self, span: &Span, level: [Markov; 2], up: [Markov; 2], config: &Config) {
         let s = &config.sensors;
+        let up_b = span.attitude_s.row(2).transpose() / span.seconds;
         let shares = |noise: &[f64; 3], ratio: f64| {
             let noise = Vector3::from(*noise);
-            let variance = noise.component_mul(&noise) * ratio;
-            level_and_up(&span.attitude_s, span.seconds, &variance)
+            level_and_up(&up_b, &(noise.component_mul(&noise) * ratio))
         };
         let (gyro_level, gyro_up) = shares(&s.gyro_noise, self.gyro_noise.ratio);
         let (accel_level, accel_up) = shares(&s.accel_noise, 1.0);
@@ -127,6 +127,19 @@ impl Observer {
         );
         self.azimuth_walk += gyro_up * span.seconds;
         self.add_manoeuvre_noise(span, config);
+    }
+
+    /// Noise beyond that of the sensors: variances of the angle and of the velocity gained, per body axis.
+    pub fn on_noise(&mut self, angle: &Vector3<f64>, velocity: &Vector3<f64>) {
+        let [velocity, angle] = [velocity, angle].map(|own| level_and_up(&self.up, own).into());
+        self.add_noise(velocity, angle);
+    }
+
+    /// Variances of a level component and of the vertical: of velocity, and of tilt and azimuth.
+    pub(super) fn add_noise(&mut self, [level, up]: [f64; 2], [tilt, azimuth]: [f64; 2]) {
+        self.level.add_variance(level, tilt);
+        self.vertical.add_variance(up, 0.0);
+        self.azimuth_walk += azimuth;
     }
 
     /// Scale errors and misalignments of gyros and accelerometers, as far as they are no parameters, as
