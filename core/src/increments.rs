@@ -103,7 +103,6 @@ impl Increments {
             output,
             gyro: first.gyro,
             accel: first.accel,
-
             ..Self::default()
         }
     }
