@@ -150,17 +150,16 @@ impl Increments {
     }
 
     /// Difference of the readings on both sides of a gap before `sample`, rad/s and m/s^2.
-    pub fn ends_differ(&self, sample: &ImuSample) -> [f64; 2] {
+    pub fn ends_differ(&self, sample: &ImuSample) -> [Vector3<f64>; 2] {
         let reading_s = self.output.per_rate(self.usual_s);
-        let changes = [sample.gyro - self.gyro, sample.accel - self.accel];
-        changes.map(|change| math::largest(&change) / reading_s)
+        [sample.gyro - self.gyro, sample.accel - self.accel].map(|change| change / reading_s)
     }
 
     /// Whether the two ends of a gap of `seconds` before `sample` agree.
     pub fn ends_agree(&self, sample: &ImuSample, seconds: f64) -> bool {
         let [rate, accel] = self
             .ends_differ(sample)
-            .map(|change| 0.5 * seconds * change);
+            .map(|change| 0.5 * seconds * math::largest(&change));
         rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS
     }
 

@@ -89,15 +89,6 @@ struct OutOfSequence {
     last: Time,
 }
 
-/// A gap that was interpolated, that part of it in which stamps had gone back, and the difference of the
-/// readings at both ends, rad/s and m/s^2.
-#[derive(Clone, Copy, Debug)]
-struct Bridged {
-    seconds: f64,
-    set_back_s: f64,
-    ends_differ: [f64; 2],
-}
-
 /// Time in which a position may be a copy of the last, s: those of GNSS come once a second at least.
 const REPEATED_S: f64 = 1.5;
 
@@ -191,10 +182,14 @@ impl<const RING: usize> Navigator<RING> {
         let (state, config) = (&mut self.state, &self.config);
         // One after the other: nested, their stacks would add up.
         let outcome = match state.on_imu(sample, &mut self.counts, config) {
-            Ok(gap) => {
-                state.on_interval(gap, config);
+            Ok(bridged) => {
+                state.on_interval(config);
                 state.follow_up(&mut self.counts, config);
-                gap.map_or(ImuOutcome::Accepted, |_| ImuOutcome::Bridged)
+                if bridged {
+                    ImuOutcome::Bridged
+                } else {
+                    ImuOutcome::Accepted
+                }
             }
             Err(outcome) => outcome,
         };
@@ -391,7 +386,7 @@ impl<const RING: usize> Navigator<RING> {
 }
 
 impl<const RING: usize> State<RING> {
-    /// Makes the interval that ends with a sample; `Ok` holds the gap that it bridges, `Err` the outcome of
+    /// Makes the interval that ends with a sample: `Ok`; `Err` is the outcome of
     /// a sample that ends none.
     #[inline(never)]
     fn on_imu(
@@ -399,7 +394,7 @@ impl<const RING: usize> State<RING> {
         sample: &ImuSample,
         counts: &mut Counts,
         config: &Config,
-    ) -> Result<Option<Bridged>, ImuOutcome> {
+    ) -> Result<bool, ImuOutcome> {
         // Zero times what is not finite is NaN.
         if (0.0 * sample.gyro + 0.0 * sample.accel).sum().is_nan() {
             return Err(ImuOutcome::NotFinite);
@@ -444,11 +439,8 @@ impl<const RING: usize> State<RING> {
                 return Err(ImuOutcome::Gap);
             }
         }
-        let bridged = if gap || jitters || self.out_of_sequence.is_some() {
-            self.on_irregular(sample, seconds, gap, largest.gyro, config)
-        } else {
-            None
-        };
+        let irregular = gap || jitters || self.out_of_sequence.is_some();
+        let bridged = irregular && self.on_irregular(sample, seconds, gap, config);
         let Some((last, increments)) = &mut self.inertial else {
             return Err(ImuOutcome::Gap);
         };
@@ -457,23 +449,20 @@ impl<const RING: usize> State<RING> {
         Ok(bridged)
     }
 
-    /// The interval before a sample is noisier, or not whole. Returns the gap that it bridges: missing samples,
-    /// or those that were refused since the clock was set back. Single stamps out of order are neither.
+    /// The interval before a sample is noisier, or not whole. Returns whether it bridges a gap: missing
+    /// samples, or those that were refused since the clock was set back. Single stamps out of order are
+    /// neither.
     #[inline(never)]
     fn on_irregular(
         &mut self,
         sample: &ImuSample,
         seconds: f64,
         gap: bool,
-        gyro: f64,
         config: &Config,
-    ) -> Option<Bridged> {
-        let (last, increments) = self.inertial.as_ref()?;
-        if increments.jitters()
-            && let Mode::Navigating(ins) = &mut self.mode
-        {
-            ins.on_noise(&increments.jitter_noise(sample));
-        }
+    ) -> bool {
+        let Some((last, increments)) = &self.inertial else {
+            return false;
+        };
         let set_back_s = self.out_of_sequence.take().map_or(0.0, |out_of_sequence| {
             let resumes = !increments.has_gap(sample.time.seconds_since(out_of_sequence.last));
             if resumes {
@@ -482,21 +471,27 @@ impl<const RING: usize> State<RING> {
                 0.0
             }
         });
-        let [mut rate, accel] = increments.ends_differ(sample);
-        if set_back_s > 0.0 {
-            // The refused samples are lost entirely: not only the difference of the ends.
-            rate += 2.0 * gyro / config.imu_output.per_rate(seconds);
+        let bridges = gap || set_back_s > 0.0;
+        let Mode::Navigating(ins) = &mut self.mode else {
+            return bridges;
+        };
+        if increments.jitters() {
+            ins.on_noise(&increments.jitter_noise(sample));
         }
-        (gap || set_back_s > 0.0).then_some(Bridged {
-            seconds: seconds + set_back_s,
-            set_back_s,
-            ends_differ: [rate, accel],
-        })
+        if bridges {
+            let [mut rate, accel] = increments.ends_differ(sample);
+            if set_back_s > 0.0 {
+                // The refused samples are lost entirely: not only the difference of the ends.
+                rate += sample.gyro * (2.0 / config.imu_output.per_rate(seconds));
+            }
+            ins.on_gap(seconds + set_back_s, set_back_s, &[rate, accel]);
+        }
+        bridges
     }
 
     /// Advances over the last interval.
     #[inline(never)]
-    fn on_interval(&mut self, bridged: Option<Bridged>, config: &Config) {
+    fn on_interval(&mut self, config: &Config) {
         let Some((last, increments)) = &self.inertial else {
             return;
         };
@@ -512,12 +507,7 @@ impl<const RING: usize> State<RING> {
                 step_stopgap(&mut self.stopgap, alignment, interval);
                 alignment.on_interval(now, interval, config);
             }
-            Mode::Navigating(ins) => {
-                if let Some(gap) = bridged {
-                    ins.on_gap(gap.seconds, gap.set_back_s, gap.ends_differ);
-                }
-                ins.on_interval(now, interval, config);
-            }
+            Mode::Navigating(ins) => ins.on_interval(now, interval, config),
         }
     }
 
@@ -555,7 +545,8 @@ impl<const RING: usize> State<RING> {
         if let Some((last, increments)) = &mut self.inertial {
             until = core::mem::replace(last, sample.time);
             let [_, accel_mps2] = increments.ends_differ(sample);
-            slipped = accel_mps2 > SLIPPED_SIGMAS * STOPGAP_RAD * GRAVITY_EQUATOR_MPS2;
+            slipped =
+                math::largest(&accel_mps2) > SLIPPED_SIGMAS * STOPGAP_RAD * GRAVITY_EQUATOR_MPS2;
             increments.restart(sample);
         }
         self.realign(sample.time, until, slipped, counts, config);

@@ -369,9 +369,14 @@ impl<const N: usize> AidedIns<N> {
     /// Inertial samples were missing for `seconds` and interpolated, between readings that differ by rad/s
     /// and m/s^2. The covariance grows when the horizon comes to its end: earlier fixes are not affected. Of
     /// the part in which stamps had gone back, no way is interpolated.
-    pub fn on_gap(&mut self, seconds: f64, set_back_s: f64, ends_differ: [f64; 2]) {
+    #[inline(never)]
+    pub fn on_gap(&mut self, seconds: f64, set_back_s: f64, ends_differ: &[Vector3<f64>; 2]) {
+        let up = self
+            .mechanization
+            .attitude
+            .inverse_transform_vector(&Vector3::z());
         let missed_m = self.mechanization.velocity_enu_mps.norm() * set_back_s;
-        let gap = DataGap::after(self.now, seconds, missed_m, ends_differ);
+        let gap = DataGap::after(self.now, seconds, missed_m, ends_differ, &up);
         let before = if seconds > LONG_GAP_S {
             self.gap.replace(gap)
         } else {

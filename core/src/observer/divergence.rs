@@ -33,9 +33,10 @@ const LEAST_LATENCY_SIGMA_S: f64 = 0.1;
 const CREDIBLE_TILT_RAD: f64 = 1.0;
 /// More than multipath makes a receiver err by, m.
 const MULTIPATH_M: f64 = 1e3;
-/// Rate and acceleration of an ordinary manoeuvre hidden by a gap of a second, rad/s and m/s^2:
-/// proportionally less by a shorter one, and no more by a longer one.
+/// Rates about the vertical and about the level axes, and acceleration, of an ordinary manoeuvre hidden by a
+/// gap of a second, rad/s and m/s^2: proportionally less by a shorter one, and no more by a longer one.
 const HIDDEN_RADPS: f64 = 0.1;
+const HIDDEN_LEVEL_RADPS: f64 = 0.01;
 const HIDDEN_MPS2: f64 = 1.0;
 const HIDDEN_S: f64 = 1.0;
 
@@ -55,21 +56,31 @@ pub struct DataGap {
 
 impl DataGap {
     /// Begins at a sample and lasts for `seconds`; `missed_m` of the way are not interpolated, and the
-    /// readings differ by rad/s and m/s^2.
-    pub fn after(start: Time, seconds: f64, missed_m: f64, [rate, accel]: [f64; 2]) -> Self {
+    /// readings differ by rad/s and m/s^2, in body axes, where the vertical is `up`.
+    pub fn after(
+        start: Time,
+        seconds: f64,
+        missed_m: f64,
+        [rate, accel]: &[Vector3<f64>; 2],
+        up: &Vector3<f64>,
+    ) -> Self {
         let part = math::min(seconds / HIDDEN_S, 1.0);
-        let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
-        // A hidden turn changes the direction of gravity in the body.
-        let gravity_tilt = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
-        let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
-        let moved = 0.5 * accel * seconds;
+        let square = |x: f64| x * x;
+        let about_up = rate.dot(up);
+        let level_square = 0.5 * (rate.norm_squared() - about_up * about_up);
+        let azimuth = (HIDDEN_RADPS * part + 0.5 * math::abs(about_up)) * seconds;
+        let tilt = HIDDEN_LEVEL_RADPS * part * seconds;
+        let accel = math::largest(accel);
+        // A hidden turn, which grows with the square of time, changes the direction of gravity in the body.
+        let tipped = 0.5 * part * part * accel / GRAVITY_EQUATOR_MPS2;
+        let velocity = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
         Self {
             start,
             end: start.plus_seconds(seconds),
-            position: moved * moved + missed_m * missed_m,
-            velocity: accel * accel,
-            tilt: 0.01 * rate * rate + gravity_tilt * gravity_tilt,
-            azimuth: rate * rate,
+            position: square(0.5 * velocity * seconds) + square(missed_m),
+            velocity: square(velocity),
+            tilt: square(tilt) + square(0.5 * seconds) * level_square + square(tipped),
+            azimuth: square(azimuth),
         }
     }
 
@@ -302,3 +313,7 @@ impl Observer {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/data_gap.rs"]
+mod tests;
