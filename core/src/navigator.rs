@@ -386,8 +386,8 @@ impl<const RING: usize> Navigator<RING> {
 }
 
 impl<const RING: usize> State<RING> {
-    /// Makes the interval that ends with a sample: `Ok`; `Err` is the outcome of
-    /// a sample that ends none.
+    /// Makes the interval that ends with a sample. `Ok` says whether it bridges a gap, `Err` is the outcome of a
+    /// sample that ends none.
     #[inline(never)]
     fn on_imu(
         &mut self,
