@@ -29,7 +29,7 @@ fn samples_lost_in_vibration_cost_what_is_stated() {
     let shaken = Vector3::new(1.0, 0.0, 1.0);
     // Squares of the errors, and variances: of the turn about a level axis and about the vertical, rad^2, and
     // of velocity along an axis, (m/s)^2.
-    let (mut errors, mut stated) = ([0.0; 3], [0.0; 3]);
+    let (mut squares, mut stated) = (Vector3::zeros(), Vector3::zeros());
     for engine in 0..ENGINES {
         let reading = |index: u32| {
             let seconds = SAMPLE_S * f64::from(index);
@@ -52,17 +52,14 @@ fn samples_lost_in_vibration_cost_what_is_stated() {
         let turned = interval.angle_rad.map(|angle| angle - RATE_RADPS * swung);
         let gained = interval.force_mps.x - ACCEL_MPS2 * swung;
         let gap = DataGap::after(Time::default(), seconds, 0.0, &ends_differ, &Vector3::z());
+        let errors = Vector3::new(turned.x, turned.z, gained);
+        squares += errors.component_mul(&errors);
         // One of two level axes turns.
-        let variances = [2.0 * gap.tilt, gap.azimuth, gap.velocity];
-        for (i, error) in [turned.x, turned.z, gained].into_iter().enumerate() {
-            errors[i] += error * error;
-            stated[i] += variances[i];
-        }
+        stated += Vector3::new(2.0 * gap.tilt, gap.azimuth, gap.velocity);
     }
-    for (error, stated) in errors.into_iter().zip(stated) {
-        let ratio = error / stated;
+    for ratio in &squares.component_div(&stated) {
         // Half the difference of the ends is right in the mean of all frequencies; an ordinary manoeuvre adds to
         // it.
-        assert!((0.9..=1.05).contains(&ratio), "{errors:?}, {ratio}");
+        assert!((0.9..=1.05).contains(ratio), "{squares}, {ratio}");
     }
 }
