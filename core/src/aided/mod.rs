@@ -367,8 +367,8 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Inertial samples were missing for `seconds` and interpolated, between readings that differ by rad/s
-    /// and m/s^2. The covariance grows when the horizon comes to its end: earlier fixes are not affected. Of
-    /// the part in which stamps had gone back, no way is interpolated.
+    /// and m/s^2 in body axes. The covariance grows when the horizon comes to its end: earlier fixes are not
+    /// affected. Of the part in which stamps had gone back, no way is interpolated.
     #[inline(never)]
     pub fn on_gap(&mut self, seconds: f64, set_back_s: f64, ends_differ: &[Vector3<f64>; 2]) {
         let up = self
