@@ -155,6 +155,16 @@ impl Increments {
         [sample.gyro - self.gyro, sample.accel - self.accel].map(|change| change / reading_s)
     }
 
+    /// As [`Self::ends_differ`] if nothing is known between the ends, rad/s: twice the faster rate besides
+    /// the difference.
+    pub fn lost_turn(&self, sample: &ImuSample) -> Vector3<f64> {
+        let (mut faster, mut slower) = (&self.gyro, &sample.gyro);
+        if slower.norm_squared() > faster.norm_squared() {
+            core::mem::swap(&mut faster, &mut slower);
+        }
+        (3.0 * faster - slower) / self.output.per_rate(self.usual_s)
+    }
+
     /// Whether the two ends of a gap of `seconds` before `sample` agree.
     pub fn ends_agree(&self, sample: &ImuSample, seconds: f64) -> bool {
         let [rate, accel] = self

@@ -440,7 +440,7 @@ impl<const RING: usize> State<RING> {
             }
         }
         let irregular = gap || jitters || self.out_of_sequence.is_some();
-        let bridged = irregular && self.on_irregular(sample, seconds, gap, config);
+        let bridged = irregular && self.on_irregular(sample, seconds, gap);
         let Some((last, increments)) = &mut self.inertial else {
             return Err(ImuOutcome::Gap);
         };
@@ -453,13 +453,7 @@ impl<const RING: usize> State<RING> {
     /// samples, or those that were refused since the clock was set back. Single stamps out of order are
     /// neither.
     #[inline(never)]
-    fn on_irregular(
-        &mut self,
-        sample: &ImuSample,
-        seconds: f64,
-        gap: bool,
-        config: &Config,
-    ) -> bool {
+    fn on_irregular(&mut self, sample: &ImuSample, seconds: f64, gap: bool) -> bool {
         let Some((last, increments)) = &self.inertial else {
             return false;
         };
@@ -481,8 +475,7 @@ impl<const RING: usize> State<RING> {
         if bridges {
             let [mut rate, accel] = increments.ends_differ(sample);
             if set_back_s > 0.0 {
-                // The refused samples are lost entirely: not only the difference of the ends.
-                rate += sample.gyro * (2.0 / config.imu_output.per_rate(seconds));
+                rate = increments.lost_turn(sample);
             }
             ins.on_gap(seconds + set_back_s, set_back_s, &[rate, accel]);
         }

@@ -1065,10 +1065,27 @@ fn position_sigma_covers_an_unknown_latency_from_the_start() {
     }
 }
 
+/// A turn that slows to a third after 100 s.
+fn slowing_turn(time_s: f64) -> (f64, f64, f64) {
+    let (speed, accel, turn) = steady_turns(time_s.min(89.0));
+    let turn = match time_s {
+        ..90.0 => turn,
+        ..100.4 => 0.3,
+        _ => 0.1,
+    };
+    (speed, accel, turn)
+}
+
 /// 0.8 s of a turn are lost, without GNSS.
 #[test]
 fn heading_sigma_covers_motion_hidden_by_a_clock_set_back() {
-    let mut car = Car::new(steady_turns);
+    for motion in [steady_turns, slowing_turn] {
+        covers_motion_hidden_by_a_clock_set_back(motion);
+    }
+}
+
+fn covers_motion_hidden_by_a_clock_set_back(motion: fn(f64) -> (f64, f64, f64)) {
+    let mut car = Car::new(motion);
     car.run_until(100.0, true, Some);
     let before_rad = car.navigator.sigma().unwrap().attitude_rad.z;
     car.clock_s = -0.8;

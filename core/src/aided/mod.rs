@@ -371,10 +371,7 @@ impl<const N: usize> AidedIns<N> {
     /// affected. Of the part in which stamps had gone back, no way is interpolated.
     #[inline(never)]
     pub fn on_gap(&mut self, seconds: f64, set_back_s: f64, ends_differ: &[Vector3<f64>; 2]) {
-        let up = self
-            .mechanization
-            .attitude
-            .inverse_transform_vector(&Vector3::z());
+        let up = matrix(&self.mechanization.attitude).row(2).transpose();
         let missed_m = self.mechanization.velocity_enu_mps.norm() * set_back_s;
         let gap = DataGap::after(self.now, seconds, missed_m, ends_differ, &up);
         let before = if seconds > LONG_GAP_S {
