@@ -17,6 +17,7 @@ mod jump;
 mod mount_level;
 mod process_noise;
 mod propagation;
+mod skew;
 mod transient;
 mod uncertainty;
 mod update;
@@ -31,6 +32,7 @@ use self::error_state::{ErrorState, INITIAL_SENSITIVITIES};
 pub use self::jump::AZIMUTH as AZIMUTH_JUMP;
 use self::jump::Jump;
 use self::process_noise::ProcessNoise;
+use self::skew::SkewedArm;
 use self::transient::TransientError;
 use self::update_timing::UpdateTiming;
 use crate::channel::Channel;
@@ -44,6 +46,8 @@ use crate::time::Time;
 
 /// One number for each parameter.
 type Row = SVector<f32, COUNT>;
+/// Jacobian of `R` measured components, a row for each parameter.
+type Partials<const R: usize> = [[f32; R]; COUNT];
 
 /// Initial averaging time of the level attitude of the mount, s: some manoeuvres.
 const FIRST_LEVEL_S: f64 = 30.0;
@@ -108,6 +112,7 @@ pub struct Observer {
     /// Error of each parameter if a long smoothing is wrong by its own size: of the low pass of the ring
     /// only the time constant is estimated, and a receiver may have another.
     by_shape: SVector<f32, COUNT>,
+    skewed_arm: SkewedArm,
     /// Time since the last solution, s; that between the two before it; and variance by which the azimuth
     /// has walked since then, rad^2.
     unsolved_s: f64,
@@ -179,6 +184,7 @@ impl Observer {
             linearized_at_s2: 0.0,
             relearns_arm: false,
             by_shape: SVector::zeros(),
+            skewed_arm: SkewedArm::default(),
             unsolved_s: 0.0,
             elapsed_s: 0.0,
             azimuth_walk: 0.0,

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::uncertainty::KNOWN_RATIO;
-use super::{JUMPS, Observer, estimated};
+use super::{JUMPS, Observer, Partials, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -12,9 +12,6 @@ use crate::innovations::{GateResult, is_inlier, ratio_to_configured};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
 use crate::parameters::{COUNT, index};
-
-/// Jacobian of `R` measured components, a row for each parameter.
-type Partials<const R: usize> = [[f32; R]; COUNT];
 
 /// Square of the jerk that aliasing of a swing of unit velocity variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
@@ -96,7 +93,7 @@ impl Observer {
         let model = self.receiver_model(past, kind, difference, config);
         let residual = difference.value - self.predict(&model, kind.measured(), difference);
         let extra = self.linearization_variance(past, kind, &model)
-            + per_manoeuvre * self.skew_variance(past, kind, &model)
+            + per_manoeuvre * self.skew_variance(third2(past, kind) + model.arm_snap2)
             + difference.extra_variance;
         if kind.is_up() {
             let mut partials = self.partials(&model, kind.measured(), |own| [own.z]);
@@ -104,6 +101,9 @@ impl Observer {
         } else {
             let mut partials = self.partials(&model, kind.measured(), |own| [own.x, own.y]);
             let residual = [residual.x, residual.y];
+            if kind == Kind::Velocity {
+                self.skewed_arm.add(&partials, &singles(&self.skew_mps(past)));
+            }
             self.apply_innovation(kind, &mut partials, residual, difference, extra, config)
         }
     }
@@ -335,15 +335,6 @@ impl Observer {
         let by_arm = arm * swing.norm_squared() / 3.0;
         let by_jerk = 0.25 * latency * second.norm_squared();
         unresolved + latency * (by_jerk + by_arm + by_azimuth)
-    }
-
-    /// Variance of the third-order term: delays distributed exponentially with variance `s` have a third
-    /// moment of `2 s^1.5`, a sixth of which is the coefficient. In a turn this is a constant lateral
-    /// velocity, like that of an accelerometer bias: it counts once per manoeuvre and not per fix, and lies
-    /// all in one direction.
-    fn skew_variance(&self, past: &PastState, kind: Kind, model: &ReceiverModel) -> f64 {
-        let smoothing_s2 = self.smoothing_s2();
-        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2(past, kind) + model.arm_snap2)
     }
 
     /// Effect of receiver and antenna on INS minus GNSS, and its partials.

@@ -1,0 +1,61 @@
+//! Third-order term of a receiver that smooths, which no parameter describes.
+
+use nalgebra::Vector3;
+
+use super::{Observer, Partials};
+use crate::history::PastState;
+use crate::math;
+use crate::parameters::index;
+
+/// Lever arm that the term passes for: in a swing both are in phase, so that the arm grows more certain with
+/// each fix, and the error stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SkewedArm {
+    /// Sums over the fixes, for each component of the arm: size of the product of its effect with the term,
+    /// and square of its effect.
+    sums: [[f32; 2]; 3],
+}
+
+impl SkewedArm {
+    /// A fix of level velocities with these partials, in which the term may be `skew_mps`.
+    pub fn add(&mut self, partials: &Partials<2>, skew_mps: &Vector3<f32>) {
+        let effects = partials.iter().skip(index::LEVER_ARM);
+        for ([product, square], [east, north]) in self.sums.iter_mut().zip(effects) {
+            *product += (east * skew_mps.x + north * skew_mps.y).abs();
+            *square += east * east + north * north;
+        }
+    }
+
+    /// Variance of one component, m^2.
+    pub fn variance(&self, axis: usize) -> f32 {
+        match self.sums.get(axis) {
+            Some([product, square]) if *square > 0.0 => (product / square) * (product / square),
+            _ => 0.0,
+        }
+    }
+}
+
+impl Observer {
+    /// Variance of the term in a quantity of squared third derivative `third2`. In a turn it is a constant
+    /// lateral velocity, like that of an accelerometer bias: it counts once per manoeuvre and not per fix,
+    /// and lies all in one direction.
+    pub(super) fn skew_variance(&self, third2: f64) -> f64 {
+        variance(self.smoothing_s2(), third2)
+    }
+
+    /// The term in a velocity, m/s, with a smoothing as long as its sigma, but no more than all of a swing
+    /// can be smoothed away.
+    pub(super) fn skew_mps(&self, past: &PastState) -> Vector3<f64> {
+        let (s2, sigma) = (self.smoothing_s2(), self.parameters.sigma(index::SMOOTHING));
+        let all = 4.0 * past.accel_mps2.norm_squared() / (past.snap_mps4.norm_squared() + 1e-9);
+        let s2 = math::sqrt(math::min(s2 * s2 + sigma * sigma, all));
+        past.snap_mps4 * math::sqrt(variance(s2, 1.0))
+    }
+}
+
+/// Square of the term with delays distributed exponentially with variance `s2`: they have a third moment of
+/// `2 s2^1.5`, a sixth of which is the coefficient.
+fn variance(s2: f64, third2: f64) -> f64 {
+    s2 * s2 * s2 / 9.0 * third2
+}
