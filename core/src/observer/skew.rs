@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 
 use super::{Observer, Partials};
-use crate::history::PastState;
 use crate::math;
 use crate::parameters::index;
 
@@ -43,15 +42,19 @@ impl Observer {
     pub(super) fn skew_variance(&self, third2: f64) -> f64 {
         variance(self.smoothing_s2(), third2)
     }
+}
 
-    /// The term in a velocity, m/s, with a smoothing as long as its sigma, but no more than all of a swing
-    /// can be smoothed away.
-    pub(super) fn skew_mps(&self, past: &PastState) -> Vector3<f64> {
-        let (s2, sigma) = (self.smoothing_s2(), self.parameters.sigma(index::SMOOTHING));
-        let all = 4.0 * past.accel_mps2.norm_squared() / (past.snap_mps4.norm_squared() + 1e-9);
-        let s2 = math::sqrt(math::min(s2 * s2 + sigma * sigma, all));
-        past.snap_mps4 * math::sqrt(variance(s2, 1.0))
-    }
+/// The term in a velocity of these derivatives, m/s, with a smoothing as long as its sigma, but no more than
+/// all of a swing can be smoothed away.
+pub fn skew_mps(
+    accel_mps2: &Vector3<f64>,
+    snap_mps4: &Vector3<f64>,
+    smoothing_s2: f64,
+    sigma_s2: f64,
+) -> Vector3<f64> {
+    let all = 4.0 * accel_mps2.norm_squared() / (snap_mps4.norm_squared() + 1e-9);
+    let square = math::min(smoothing_s2 * smoothing_s2 + sigma_s2 * sigma_s2, all);
+    snap_mps4 * math::sqrt(variance(math::sqrt(square), 1.0))
 }
 
 /// Square of the term with delays distributed exponentially with variance `s2`: they have a third moment of
@@ -59,3 +62,7 @@ impl Observer {
 fn variance(s2: f64, third2: f64) -> f64 {
     s2 * s2 * s2 / 9.0 * third2
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/skew.rs"]
+mod tests;

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use super::skew::skew_mps;
 use super::uncertainty::KNOWN_RATIO;
 use super::{JUMPS, Observer, Partials, estimated};
 use crate::channel::Measured;
@@ -102,7 +103,10 @@ impl Observer {
             let mut partials = self.partials(&model, kind.measured(), |own| [own.x, own.y]);
             let residual = [residual.x, residual.y];
             if kind == Kind::Velocity {
-                self.skewed_arm.add(&partials, &singles(&self.skew_mps(past)));
+                let sigma_s2 = self.parameters.sigma(index::SMOOTHING);
+                let (accel_mps2, snap_mps4) = (&past.accel_mps2, &past.snap_mps4);
+                let skew_mps = skew_mps(accel_mps2, snap_mps4, self.smoothing_s2(), sigma_s2);
+                self.skewed_arm.add(&partials, &singles(&skew_mps));
             }
             self.apply_innovation(kind, &mut partials, residual, difference, extra, config)
         }
