@@ -332,11 +332,13 @@ impl<const N: usize> AidedIns<N> {
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
-            // A swinging arm is measured with the scale of the gyros.
+            // A swinging arm is measured with the scale of the gyros, and as the receiver smooths it.
             let scale = config.sensors.gyro_scale;
             let off = scale * scale + config.sensors.cross_axis_variance();
-            for arm in &mut estimates.lever_arm_m {
-                let grown = math::sqrt(arm.sigma * arm.sigma + off * arm.value * arm.value);
+            let arms = estimates.lever_arm_m.iter_mut();
+            for (arm, skewed) in arms.zip(observer.skewed_arm.variances()) {
+                let scaled = off * arm.value * arm.value;
+                let grown = math::sqrt(arm.sigma * arm.sigma + scaled + f64::from(skewed));
                 // But no more than its prior, and never less than its own sigma.
                 let most = math::max(arm.sigma, config.gnss.lever_arm_sigma_m);
                 arm.sigma = math::min(grown, most);

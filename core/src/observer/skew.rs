@@ -26,12 +26,12 @@ impl SkewedArm {
         }
     }
 
-    /// Variance of one component, m^2.
-    pub fn variance(&self, axis: usize) -> f32 {
-        match self.sums.get(axis) {
-            Some([product, square]) if *square > 0.0 => (product / square) * (product / square),
-            _ => 0.0,
-        }
+    /// Variance of each component, m^2.
+    pub fn variances(&self) -> [f32; 3] {
+        self.sums.map(|[product, square]| {
+            let arm_m = if square > 0.0 { product / square } else { 0.0 };
+            arm_m * arm_m
+        })
     }
 }
 

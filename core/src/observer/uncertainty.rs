@@ -144,7 +144,6 @@ impl Observer {
             };
         } else if let Some(by_shape) = self.by_shape.get(which) {
             variance += by_shape * by_shape;
-            variance += (self.skewed_arm).variance(which.wrapping_sub(index::LEVER_ARM));
         }
         let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
         let value = self.parameters.value(which);

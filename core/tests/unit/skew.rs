@@ -42,7 +42,7 @@ fn arm_error_and_sigma(memory_s: f64, known: bool) -> (f64, f64) {
         product += effect * left;
         square += effect * effect;
     }
-    (product / square, f64::from(arm.variance(1)).sqrt())
+    (product / square, f64::from(arm.variances()[1]).sqrt())
 }
 
 /// Sine of a swing, low-passed and advanced by the mean lag.
@@ -69,7 +69,7 @@ fn an_arm_learnt_from_steps_is_no_surer_than_the_smoothing_lets_it() {
 
 #[test]
 fn what_shows_no_arm_costs_none() {
-    assert_eq!(SkewedArm::default().variance(0), 0.0);
+    assert_eq!(SkewedArm::default().variances(), [0.0; 3]);
     let (_, sigma_m) = arm_error_and_sigma(0.0, true);
     assert_eq!(sigma_m, 0.0);
 }
