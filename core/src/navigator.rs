@@ -347,7 +347,9 @@ impl<const RING: usize> Navigator<RING> {
             Mode::Aligning(alignment) => {
                 Calibration::of(alignment.known(), self.state.level_force_mps2)
             }
-            Mode::Navigating(ins) => Calibration::of(ins.known(), ins.level_force_mps2()),
+            Mode::Navigating(ins) => {
+                Calibration::of(&ins.stated(&self.config), ins.level_force_mps2())
+            }
         }
     }
 

@@ -318,8 +318,27 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    pub fn estimates(&self, config: &Config) -> Estimates {
+    /// The parameters as told to others: a swinging arm is measured with the scale of the gyros, and as the
+    /// receiver smooths it.
+    pub fn stated(&self, config: &Config) -> Parameters {
         let mut parameters = *self.known();
+        let Some(observer) = self.estimator.exact() else {
+            return parameters;
+        };
+        let scale = config.sensors.gyro_scale;
+        let off = scale * scale + config.sensors.cross_axis_variance();
+        for (which, skewed) in (index::LEVER_ARM..).zip(observer.skewed_arm.variances()) {
+            let (arm_m, sigma) = (parameters.value(which), parameters.sigma(which));
+            let grown = math::sqrt(sigma * sigma + off * arm_m * arm_m + f64::from(skewed));
+            // But no more than its prior, and never less than its own sigma.
+            let most = math::max(sigma, config.gnss.lever_arm_sigma_m);
+            parameters.set(which, arm_m, math::min(grown, most));
+        }
+        parameters
+    }
+
+    pub fn estimates(&self, config: &Config) -> Estimates {
+        let mut parameters = self.stated(config);
         let azimuth = self.azimuth_error_rad();
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         let mut estimates = Estimates::from_parameters(&parameters, config, Phase::Navigating);
@@ -331,17 +350,6 @@ impl<const N: usize> AidedIns<N> {
             let unseen = observer.unobservable_accel(config);
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
-            }
-            // A swinging arm is measured with the scale of the gyros, and as the receiver smooths it.
-            let scale = config.sensors.gyro_scale;
-            let off = scale * scale + config.sensors.cross_axis_variance();
-            let arms = estimates.lever_arm_m.iter_mut();
-            for (arm, skewed) in arms.zip(observer.skewed_arm.variances()) {
-                let scaled = off * arm.value * arm.value;
-                let grown = math::sqrt(arm.sigma * arm.sigma + scaled + f64::from(skewed));
-                // But no more than its prior, and never less than its own sigma.
-                let most = math::max(arm.sigma, config.gnss.lever_arm_sigma_m);
-                arm.sigma = math::min(grown, most);
             }
         }
         estimates
