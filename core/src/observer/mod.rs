@@ -112,6 +112,7 @@ pub struct Observer {
     /// Error of each parameter if a long smoothing is wrong by its own size: of the low pass of the ring
     /// only the time constant is estimated, and a receiver may have another.
     by_shape: SVector<f32, COUNT>,
+    /// Lever arm for which smoothing of unknown strength may pass.
     pub skewed_arm: SkewedArm,
     /// Time since the last solution, s; that between the two before it; and variance by which the azimuth
     /// has walked since then, rad^2.
