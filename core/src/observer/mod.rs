@@ -46,8 +46,6 @@ use crate::time::Time;
 
 /// One number for each parameter.
 type Row = SVector<f32, COUNT>;
-/// Jacobian of `R` measured components, a row for each parameter.
-type Partials<const R: usize> = [[f32; R]; COUNT];
 
 /// Initial averaging time of the level attitude of the mount, s: some manoeuvres.
 const FIRST_LEVEL_S: f64 = 30.0;

@@ -2,9 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{Observer, Partials};
 use crate::math;
-use crate::parameters::index;
+use crate::parameters::{COUNT, index};
 
 /// Lever arm that the term passes for: in a swing both are in phase, so that the arm grows more certain with
 /// each fix, and the error stays.
@@ -18,7 +17,7 @@ pub struct SkewedArm {
 
 impl SkewedArm {
     /// A fix of level velocities with these partials, in which the term may be `skew_mps`.
-    pub fn add(&mut self, partials: &Partials<2>, skew_mps: &Vector3<f32>) {
+    pub fn add(&mut self, partials: &[[f32; 2]; COUNT], skew_mps: &Vector3<f32>) {
         let effects = partials.iter().skip(index::LEVER_ARM);
         for ([product, square], [east, north]) in self.sums.iter_mut().zip(effects) {
             *product += (east * skew_mps.x + north * skew_mps.y).abs();
@@ -35,15 +34,6 @@ impl SkewedArm {
     }
 }
 
-impl Observer {
-    /// Variance of the term in a quantity of squared third derivative `third2`. In a turn it is a constant
-    /// lateral velocity, like that of an accelerometer bias: it counts once per manoeuvre and not per fix,
-    /// and lies all in one direction.
-    pub(super) fn skew_variance(&self, third2: f64) -> f64 {
-        variance(self.smoothing_s2(), third2)
-    }
-}
-
 /// The term in a velocity of these derivatives, m/s, with a smoothing as long as its sigma, but no more than
 /// all of a swing can be smoothed away.
 pub fn skew_mps(
@@ -54,12 +44,14 @@ pub fn skew_mps(
 ) -> Vector3<f64> {
     let all = 4.0 * accel_mps2.norm_squared() / (snap_mps4.norm_squared() + 1e-9);
     let square = math::min(smoothing_s2 * smoothing_s2 + sigma_s2 * sigma_s2, all);
-    snap_mps4 * math::sqrt(variance(math::sqrt(square), 1.0))
+    snap_mps4 * math::sqrt(skew_variance(math::sqrt(square), 1.0))
 }
 
-/// Square of the term with delays distributed exponentially with variance `s2`: they have a third moment of
-/// `2 s2^1.5`, a sixth of which is the coefficient.
-fn variance(s2: f64, third2: f64) -> f64 {
+/// Square of the term, of delays distributed exponentially with variance `s2`, in a quantity of squared third
+/// derivative `third2`: they have a third moment of `2 s2^1.5`, a sixth of which is the coefficient. In a turn
+/// the term is a constant lateral velocity, like that of an accelerometer bias: it counts once per manoeuvre
+/// and not per fix, and lies all in one direction.
+pub fn skew_variance(s2: f64, third2: f64) -> f64 {
     s2 * s2 * s2 / 9.0 * third2
 }
 

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::skew::skew_mps;
+use super::skew::{skew_mps, skew_variance};
 use super::uncertainty::KNOWN_RATIO;
-use super::{JUMPS, Observer, Partials, estimated};
+use super::{JUMPS, Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -13,6 +13,9 @@ use crate::innovations::{GateResult, is_inlier, ratio_to_configured};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
 use crate::parameters::{COUNT, index};
+
+/// Jacobian of `R` measured components, a row for each parameter.
+type Partials<const R: usize> = [[f32; R]; COUNT];
 
 /// Square of the jerk that aliasing of a swing of unit velocity variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
@@ -94,7 +97,8 @@ impl Observer {
         let model = self.receiver_model(past, kind, difference, config);
         let residual = difference.value - self.predict(&model, kind.measured(), difference);
         let extra = self.linearization_variance(past, kind, &model)
-            + per_manoeuvre * self.skew_variance(third2(past, kind) + model.arm_snap2)
+            + per_manoeuvre
+                * skew_variance(self.smoothing_s2(), third2(past, kind) + model.arm_snap2)
             + difference.extra_variance;
         if kind.is_up() {
             let mut partials = self.partials(&model, kind.measured(), |own| [own.z]);

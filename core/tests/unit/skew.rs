@@ -5,7 +5,6 @@ use core::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::super::Partials;
 use super::{SkewedArm, skew_mps};
 use crate::math::singles;
 use crate::parameters::{COUNT, index};
@@ -31,7 +30,7 @@ fn arm_error_and_sigma(memory_s: f64, known: bool) -> (f64, f64) {
         let accel = Vector3::new(SWAY_MPS * STEPS * cos, 0.0, 0.0);
         let snap = -STEPS * STEPS * accel;
         let effect = -YAW_RADPS * cos;
-        let mut partials: Partials<2> = [[0.0; 2]; COUNT];
+        let mut partials = [[0.0; 2]; COUNT];
         partials[index::LEVER_ARM + 1] = singles(&Vector3::new(effect, 0.0, 0.0)).xy().into();
         arm.add(
             &partials,
