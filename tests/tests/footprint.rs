@@ -6,7 +6,7 @@ use ins_tests::footprint::{goal, ours};
 
 /// Budgets where a goal is not reached yet (`ins_tests::footprint::goal`): as measured, rounded up. Fewest
 /// parameters are estimated for ring lasers, all for MEMS.
-const AMORTISED_OF_ALL: u64 = 3_725;
+const AMORTISED_OF_ALL: u64 = 3_740;
 const STATE_BYTES: u64 = 13_800;
 const FLASH_BYTES: u64 = 153_700;
 

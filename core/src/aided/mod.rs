@@ -229,7 +229,7 @@ impl<const N: usize> AidedIns<N> {
             self.compensation.gyro_radps = known.vector(index::GYRO);
         }
         if let Some(observer) = self.estimator.exact_mut() {
-            observer.set_prior(known);
+            observer.set_prior(known, config);
             let body = matrix(&self.mechanization.attitude);
             if source != AttitudeSource::Motion {
                 observer.correlate_level(&body);

@@ -201,8 +201,10 @@ impl Observer {
     }
 
     /// Sets the prior of the parameters, before anything else.
-    pub fn set_prior(&mut self, prior: &Parameters) {
+    pub fn set_prior(&mut self, prior: &Parameters, config: &Config) {
         self.parameters = *prior;
+        let arm_m = Vector3::from_fn(|axis, _| prior.sigma(index::LEVER_ARM + axis));
+        self.skewed_arm = SkewedArm::known(&arm_m, config.gnss.velocity_mps.white);
         self.corrections.set_prior(&prior.sigma);
         self.linearized_at_s2 = prior.value(index::SMOOTHING);
         self.state.error.tilt_rad.z = prior.value(index::AZIMUTH);

@@ -10,12 +10,21 @@ use crate::parameters::{COUNT, index};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SkewedArm {
-    /// Sums over the fixes, for each component of the arm: size of the product of its effect with the term,
+    /// Sums over what is known before and the fixes, for each component of the arm: size of the product of its effect with the term,
     /// and square of its effect.
     sums: [[f32; 2]; 3],
 }
 
 impl SkewedArm {
+    /// An arm known to a sigma, m, before fixes of this noise, m/s: as if as many fixes had shown it without
+    /// the term.
+    pub fn known(sigma_m: &Vector3<f64>, noise_mps: f64) -> Self {
+        let shown = sigma_m.map(|sigma| noise_mps / sigma);
+        Self {
+            sums: [shown.x, shown.y, shown.z].map(|shown| [0.0, math::single(shown * shown)]),
+        }
+    }
+
     /// A fix of level velocities with these partials, in which the term may be `skew_mps`.
     pub fn add(&mut self, partials: &[[f32; 2]; COUNT], skew_mps: &Vector3<f32>) {
         let effects = partials.iter().skip(index::LEVER_ARM);

@@ -73,3 +73,17 @@ fn what_shows_no_arm_costs_none() {
     let (_, sigma_m) = arm_error_and_sigma(0.0, true);
     assert!(sigma_m <= 0.0, "{sigma_m}");
 }
+
+#[test]
+fn what_a_tape_has_measured_is_not_doubted() {
+    let mut arm = SkewedArm::known(&Vector3::repeat(0.01), 0.05);
+    let mut partials = [[0.0; 2]; COUNT];
+    partials[index::LEVER_ARM] = [0.1, 0.0];
+    // A hundred fixes, which show the arm to 5 cm and are wrong by 0.2 m: what they have of the mean.
+    for _ in 0..100 {
+        arm.add(&partials, &Vector3::new(0.02, 0.0, 0.0));
+    }
+    let off_m = f64::from(arm.variances()[0]).sqrt();
+    let share = 0.01_f64.powi(2) / (0.01_f64.powi(2) + 0.05_f64.powi(2));
+    assert!((off_m / (0.2 * share) - 1.0).abs() < 1e-4, "{off_m}");
+}
