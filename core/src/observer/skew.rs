@@ -10,8 +10,8 @@ use crate::parameters::{COUNT, index};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SkewedArm {
-    /// Sums over what is known before and the fixes, for each component of the arm: size of the product of its effect with the term,
-    /// and square of its effect.
+    /// Sums over what is known before and the fixes, for each component of the arm: size of the product of its
+    /// effect with the term, and square of its effect.
     sums: [[f32; 2]; 3],
 }
 

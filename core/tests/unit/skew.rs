@@ -6,7 +6,7 @@ use core::f64::consts::TAU;
 use nalgebra::Vector3;
 
 use super::{SkewedArm, skew_mps};
-use crate::math::singles;
+use crate::math::{single, singles};
 use crate::parameters::{COUNT, index};
 
 const STEPS: f64 = TAU;
@@ -31,7 +31,7 @@ fn arm_error_and_sigma(memory_s: f64, known: bool) -> (f64, f64) {
         let snap = -STEPS * STEPS * accel;
         let effect = -YAW_RADPS * cos;
         let mut partials = [[0.0; 2]; COUNT];
-        partials[index::LEVER_ARM + 1] = singles(&Vector3::new(effect, 0.0, 0.0)).xy().into();
+        partials[index::LEVER_ARM + 1] = [single(effect), 0.0];
         arm.add(
             &partials,
             &singles(&skew_mps(&accel, &snap, smoothing_s2, sigma_s2)),
