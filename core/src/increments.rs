@@ -24,6 +24,11 @@ const GAPS: u8 = 8;
 const BRIDGEABLE_RAD: f64 = 0.3;
 /// The same of a velocity, m/s: so much is corrected in an INS at once.
 const BRIDGEABLE_MPS: f64 = 3.0;
+/// Tangent of the angle by which the specific force may turn in the body over a longer gap than this, s, and
+/// change of it in g: hard braking turns it as far, a mount that slips farther. Over a shorter one it may be
+/// vibration.
+const BRIDGEABLE_TIP: f64 = 0.5;
+const TIPS_S: f64 = 0.25;
 
 /// Turn about one axis between samples that is ambiguous with one in the other direction, rad.
 const AMBIGUOUS_RAD: f64 = core::f64::consts::PI;
@@ -167,10 +172,20 @@ impl Increments {
 
     /// Whether the two ends of a gap of `seconds` before `sample` agree.
     pub fn ends_agree(&self, sample: &ImuSample, seconds: f64) -> bool {
-        let [rate, accel] = self
-            .ends_differ(sample)
-            .map(|change| 0.5 * seconds * math::largest(&change));
-        rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS
+        let differ = self.ends_differ(sample);
+        let [rate, accel] = differ.map(|change| 0.5 * seconds * math::largest(&change));
+        let [_, change_mps2] = differ;
+        let tips = seconds > TIPS_S && self.tips(&sample.accel, &change_mps2);
+        rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS && !tips
+    }
+
+    /// Whether the specific force has turned in the body as no manoeuvre turns it.
+    fn tips(&self, accel: &Vector3<f64>, change_mps2: &Vector3<f64>) -> bool {
+        let along = self.accel.dot(accel);
+        let across = self.accel.cross(accel);
+        let least_mps2 = BRIDGEABLE_TIP * GRAVITY_EQUATOR_MPS2;
+        change_mps2.norm_squared() > least_mps2 * least_mps2
+            && across.norm_squared() > BRIDGEABLE_TIP * BRIDGEABLE_TIP * along * math::abs(along)
     }
 
     /// Whether a reading of a gyro is a turn that samples `seconds` apart cannot resolve.

@@ -220,6 +220,49 @@ fn tilt_sigma_covers_motion_hidden_in_gaps() {
     assert_eq!(car.navigator.health().samples.bridged, 4);
 }
 
+/// Braking hidden by a gap is bridged; a mount that has slipped in it needs a new level and heading.
+#[test]
+fn a_slip_in_a_gap_aligns_anew() {
+    let slipped = |angle_rad: f64| {
+        let (sin, cos) = angle_rad.sin_cos();
+        GRAVITY_MPS2 * Vector3::new(sin, 0.0, cos)
+    };
+    let braking = |accel_mps2: f64| Vector3::new(0.0, -accel_mps2, GRAVITY_MPS2);
+    for (accel, missing_s, bridged) in [
+        (slipped(0.6), 0.3, false),
+        (slipped(-1.2), 0.3, false),
+        (slipped(TAU / 2.0 - 0.1), 0.3, false),
+        (slipped(0.4), 0.3, true),
+        (braking(4.0), 0.45, true),
+        // Vibration.
+        (slipped(0.6), 0.1, true),
+    ] {
+        let mut car = Car::new(bends);
+        // Between two bends.
+        car.run_until(135.7, true, Some);
+        // Beyond a gap it takes a few samples to start anew.
+        let outcomes: [_; 10] = std::array::from_fn(|count| {
+            let seconds = missing_s + STEP_S * f64::from(u8::try_from(count).unwrap());
+            car.navigator.on_imu(&ImuSample {
+                time: car.time().plus_seconds(seconds),
+                gyro: Vector3::zeros(),
+                accel,
+            })
+        });
+        let navigates = car.navigator.phase() == Phase::Navigating;
+        let expected = if bridged {
+            ImuOutcome::Bridged
+        } else {
+            ImuOutcome::Gap
+        };
+        assert_eq!(
+            (outcomes[0], navigates),
+            (expected, bridged),
+            "{accel:?} {missing_s}"
+        );
+    }
+}
+
 #[test]
 fn a_latency_jump_is_estimated_again() {
     let mut car = Car::new(bends);
