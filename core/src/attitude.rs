@@ -41,6 +41,11 @@ pub fn euler(attitude: &UnitQuaternion<f64>) -> Euler {
     }
 }
 
+/// The vertical, upward, in the body.
+pub fn up(attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
+    matrix(attitude).row(2).transpose()
+}
+
 /// Direction cosine matrix `C_B^L` of an attitude.
 pub fn matrix(attitude: &UnitQuaternion<f64>) -> Matrix3<f64> {
     let q = attitude.as_ref();

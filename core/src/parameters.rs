@@ -73,6 +73,11 @@ impl Parameters {
         [0, 1, 2].map(|axis| self.value(first + axis)).into()
     }
 
+    /// Their standard deviations.
+    pub fn sigmas(&self, first: usize) -> Vector3<f64> {
+        [0, 1, 2].map(|axis| self.sigma(first + axis)).into()
+    }
+
     /// Lever arm, right, forward and up, m.
     pub fn lever_arm(&self) -> Vector3<f64> {
         self.vector(index::LEVER_ARM)

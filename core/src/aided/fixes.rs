@@ -186,13 +186,12 @@ impl<const N: usize> AidedIns<N> {
         let ins_change_mps =
             now.ins_mps - last.ins_mps - self.control_climb_mps(last.time, now.time);
         let p = observer.parameters();
-        let sigmas = |first: usize| Vector3::from_fn(|axis, _| p.sigma(first + axis));
         let swing = now.swing - last.swing;
         let later_mps = p.sigma(index::LATENCY) * (now.accel_mps2 - last.accel_mps2);
         let motion_variance = swing
-            .component_mul(&sigmas(index::LEVER_ARM))
+            .component_mul(&p.sigmas(index::LEVER_ARM))
             .norm_squared()
-            + (sigmas(index::ACCEL) * seconds(&last)).norm_squared()
+            + (p.sigmas(index::ACCEL) * seconds(&last)).norm_squared()
             + later_mps * later_mps;
         let noise = config.gnss.velocity_up_mps.white;
         let change_mps = up_mps - last.up_mps;

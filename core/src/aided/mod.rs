@@ -19,7 +19,7 @@ use self::vertical_sign::{ClimbSample, VerticalSign};
 use crate::alignment::levelling::UNSEEN_RADPS;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, AttitudeSource, MOVING_MPS};
-use crate::attitude::matrix;
+use crate::attitude::{matrix, up};
 use crate::config::{Config, Feedback};
 use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
@@ -381,7 +381,7 @@ impl<const N: usize> AidedIns<N> {
     /// affected. Of the part in which stamps had gone back, no way is interpolated.
     #[inline(never)]
     pub fn on_gap(&mut self, seconds: f64, set_back_s: f64, ends_differ: &[Vector3<f64>; 2]) {
-        let up = matrix(&self.mechanization.attitude).row(2).transpose();
+        let up = up(&self.mechanization.attitude);
         let missed_m = self.mechanization.velocity_enu_mps.norm() * set_back_s;
         let gap = DataGap::after(self.now, seconds, missed_m, ends_differ, &up);
         let before = if seconds > LONG_GAP_S {

@@ -22,7 +22,7 @@ use self::levelling::{RestMean, UNSEEN_RADPS};
 use self::nodes::Nodes;
 use self::observations::Observations;
 use self::rest::{RestBlock, RestDetector, Verdict};
-use crate::attitude::{euler, matrix, turned};
+use crate::attitude::{euler, matrix, turned, up};
 use crate::calibration::RUN_S;
 use crate::config::{Config, HeadingSource, Noise};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
@@ -106,8 +106,7 @@ pub struct Aligned {
 impl Aligned {
     /// Specific force at rest in this attitude, body, m/s^2.
     pub fn level_force_mps2(&self) -> Vector3<f64> {
-        let up = matrix(&self.ins.attitude).row(2).transpose();
-        self.ins.local_earth().gravity_mps2 * up
+        self.ins.local_earth().gravity_mps2 * up(&self.ins.attitude)
     }
 }
 

@@ -203,7 +203,7 @@ impl Observer {
     /// Sets the prior of the parameters, before anything else.
     pub fn set_prior(&mut self, prior: &Parameters, config: &Config) {
         self.parameters = *prior;
-        let arm_m = Vector3::from_fn(|axis, _| prior.sigma(index::LEVER_ARM + axis));
+        let arm_m = prior.sigmas(index::LEVER_ARM);
         self.skewed_arm = SkewedArm::known(&arm_m, config.gnss.velocity_mps.white);
         self.corrections.set_prior(&prior.sigma);
         self.linearized_at_s2 = prior.value(index::SMOOTHING);
