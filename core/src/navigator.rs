@@ -580,7 +580,7 @@ impl<const RING: usize> State<RING> {
                 let known = if ins.parameters_invalid {
                     config.prior()
                 } else {
-                    *ins.known()
+                    ins.stated(config)
                 };
                 self.level_force_mps2 = if ins.parameters_invalid {
                     Vector3::zeros()
