@@ -24,11 +24,8 @@ const GAPS: u8 = 8;
 const BRIDGEABLE_RAD: f64 = 0.3;
 /// The same of a velocity, m/s: so much is corrected in an INS at once.
 const BRIDGEABLE_MPS: f64 = 3.0;
-/// Tangent of the angle by which the specific force may turn in the body over a longer gap than this, s, and
-/// change of it in g: hard braking turns it as far, a mount that slips farther. Over a shorter one it may be
-/// vibration.
-const BRIDGEABLE_TIP: f64 = 0.5;
-const TIPS_S: f64 = 0.25;
+/// Shortest gap in which a mount may slip, s: in a shorter one the force turns in vibration.
+const SLIP_S: f64 = 0.25;
 
 /// Turn about one axis between samples that is ambiguous with one in the other direction, rad.
 const AMBIGUOUS_RAD: f64 = core::f64::consts::PI;
@@ -175,17 +172,17 @@ impl Increments {
         let differ = self.ends_differ(sample);
         let [rate, accel] = differ.map(|change| 0.5 * seconds * math::largest(&change));
         let [_, change_mps2] = differ;
-        let tips = seconds > TIPS_S && self.tips(&sample.accel, &change_mps2);
-        rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS && !tips
+        let slipped = seconds > SLIP_S && self.slips(&sample.accel, &change_mps2);
+        rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS && !slipped
     }
 
-    /// Whether the specific force has turned in the body as no manoeuvre turns it.
-    fn tips(&self, accel: &Vector3<f64>, change_mps2: &Vector3<f64>) -> bool {
+    /// Whether the specific force has turned in the body by more than 45 degrees: braking at a whole g does
+    /// that. An INS corrects a smaller tilt, and keeps more of what it knows. In free fall nothing turns.
+    fn slips(&self, accel: &Vector3<f64>, change_mps2: &Vector3<f64>) -> bool {
         let along = self.accel.dot(accel);
         let across = self.accel.cross(accel);
-        let least_mps2 = BRIDGEABLE_TIP * GRAVITY_EQUATOR_MPS2;
-        change_mps2.norm_squared() > least_mps2 * least_mps2
-            && across.norm_squared() > BRIDGEABLE_TIP * BRIDGEABLE_TIP * along * math::abs(along)
+        let falls = change_mps2.norm_squared() < 0.5 * GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
+        !falls && across.norm_squared() > along * math::abs(along)
     }
 
     /// Whether a reading of a gyro is a turn that samples `seconds` apart cannot resolve.

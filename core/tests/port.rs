@@ -229,13 +229,13 @@ fn a_slip_in_a_gap_aligns_anew() {
     };
     let braking = |accel_mps2: f64| Vector3::new(0.0, -accel_mps2, GRAVITY_MPS2);
     for (accel, missing_s, bridged) in [
-        (slipped(0.6), 0.3, false),
+        (slipped(0.9), 0.3, false),
         (slipped(-1.2), 0.3, false),
-        (slipped(TAU / 2.0 - 0.1), 0.3, false),
-        (slipped(0.4), 0.3, true),
-        (braking(4.0), 0.45, true),
+        (slipped(TAU / 2.0 - 0.1), 0.28, false),
+        (slipped(0.6), 0.3, true),
+        (braking(8.0), 0.45, true),
         // Vibration.
-        (slipped(0.6), 0.1, true),
+        (slipped(0.9), 0.1, true),
     ] {
         let mut car = Car::new(bends);
         // Between two bends.
