@@ -181,8 +181,8 @@ impl Increments {
     fn slips(&self, accel: &Vector3<f64>, change_mps2: &Vector3<f64>) -> bool {
         let along = self.accel.dot(accel);
         let across = self.accel.cross(accel);
-        let falls = change_mps2.norm_squared() < 0.5 * GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
-        !falls && across.norm_squared() > along * math::abs(along)
+        let slight = change_mps2.norm_squared() < 0.5 * GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
+        !slight && across.norm_squared() > along * math::abs(along)
     }
 
     /// Whether a reading of a gyro is a turn that samples `seconds` apart cannot resolve.
