@@ -65,6 +65,8 @@ pub struct SensorConfig {
     /// tell them from misaligned gyros. With zero they are what level accelerometers and gyros together
     /// show, which is what a compensation needs.
     pub misalignment_rad: f64,
+    /// Response of the gyros to specific force along any axis, rad/s per m/s^2: process noise of manoeuvres.
+    pub gyro_g_sensitivity: f64,
     /// Least and greatest ratio of the true `gyro_noise` to the configured one: it is adapted in motion,
     /// all axes together. Ones: not adapted.
     pub noise_range: [f64; 2],
@@ -294,6 +296,7 @@ impl SensorConfig {
         not_negative(self.accel_scale, "sensors.accel_scale")?;
         not_negative(self.cross_axis, "sensors.cross_axis")?;
         not_negative(self.misalignment_rad, "sensors.misalignment_rad")?;
+        not_negative(self.gyro_g_sensitivity, "sensors.gyro_g_sensitivity")?;
         around_one(self.noise_range, "sensors.noise_range")?;
         positive(self.gyro_range_radps, "sensors.gyro_range_radps")?;
         positive(self.accel_range_mps2, "sensors.accel_range_mps2")
@@ -466,6 +469,7 @@ impl Config {
                 accel_scale: 0.0,
                 cross_axis: 0.0,
                 misalignment_rad: 0.0,
+                gyro_g_sensitivity: 0.0,
                 noise_range: [0.1, 10.0],
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,

@@ -7,8 +7,8 @@ use ins_tests::footprint::{goal, ours};
 /// Budgets where a goal is not reached yet (`ins_tests::footprint::goal`): as measured, rounded up. Fewest
 /// parameters are estimated for ring lasers, all for MEMS.
 const AMORTISED_OF_ALL: u64 = 3_740;
-const STATE_BYTES: u64 = 13_800;
-const FLASH_BYTES: u64 = 153_800;
+const STATE_BYTES: u64 = 13_830;
+const FLASH_BYTES: u64 = 153_900;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {

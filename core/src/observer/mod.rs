@@ -118,12 +118,14 @@ pub struct Observer {
     elapsed_s: f64,
     azimuth_walk: f64,
     /// At the horizon, in the body: the vertical, specific force, m/s^2, and its mean excess over that at
-    /// the level attitude; transient tilt and velocity errors of the manoeuvre.
+    /// the level attitude; transient tilt and velocity errors of the manoeuvre, and the tilt by what pulls at
+    /// the gyros.
     up: Vector3<f64>,
     force_mps2: Vector3<f64>,
     excess_mps2: Vector3<f32>,
     tilt_transient: TransientError,
     velocity_transient: TransientError,
+    pull_transient: TransientError,
     horizon: Time,
     level_timing: UpdateTiming,
     vertical_timing: UpdateTiming,
@@ -193,6 +195,7 @@ impl Observer {
             excess_mps2: Vector3::zeros(),
             tilt_transient: TransientError::default(),
             velocity_transient: TransientError::default(),
+            pull_transient: TransientError::default(),
             horizon: start,
             level_timing: UpdateTiming::new(start),
             vertical_timing: UpdateTiming::new(start),

@@ -149,8 +149,11 @@ impl Observer {
         let tilt_growth = self.tilt_transient.grow(&(up - self.up), span.seconds);
         self.up = up;
         self.force_mps2 = span.attitude_s.tr_mul(&span.force_mps) / (span.seconds * span.seconds);
+        let pulled_mps = (self.force_mps2 - self.level_force_mps2) * span.seconds;
+        let pull_growth = self.pull_transient.grow(&pulled_mps, span.seconds);
         let cross = config.sensors.cross_axis_variance();
-        let tilt = cross * tilt_growth;
+        let per_mps2 = config.sensors.gyro_g_sensitivity;
+        let tilt = cross * tilt_growth + per_mps2 * per_mps2 * pull_growth;
         self.level.add_variance(0.0, tilt);
         self.azimuth_walk += tilt;
         let level_force = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);

@@ -35,11 +35,13 @@ impl Truth {
     pub fn new(errors: &SensorErrors, azimuth_error_rad: Option<f64>, axes: BodyAxes) -> Self {
         let gravity_mps2 = Vector3::new(0.0, 0.0, 9.806_65);
         let felt_mps2 = Vector3::from(errors.accel_bias_mps2) + errors.accel_matrix * gravity_mps2;
+        let felt_radps =
+            Vector3::from(errors.gyro_bias_radps) + errors.g_sensitivity * gravity_mps2;
         let in_axes = |rfu: Vector3<f64>, unit: f64| (axes.from_rfu(rfu) / unit).into();
         Self {
             azimuth_error_deg: azimuth_error_rad.map(f64::to_degrees),
             accel_bias_mg: in_axes(felt_mps2, MG_MPS2),
-            gyro_bias_deg_h: in_axes(errors.gyro_bias_radps.into(), DEG_H_RADPS),
+            gyro_bias_deg_h: in_axes(felt_radps, DEG_H_RADPS),
             // The estimate is of the middle of the run.
             gnss_latency_ms: (errors.gnss_lag_s == 0.0)
                 .then_some(500.0 * (errors.gnss_latency_s + errors.gnss_latency_end_s)),
@@ -84,6 +86,7 @@ mod tests {
             gyro_bias_radps: [0.0; 3],
             accel_matrix: Matrix3::zeros(),
             gyro_matrix: Matrix3::zeros(),
+            g_sensitivity: Matrix3::zeros(),
             gnss_latency_s: 0.1,
             gnss_latency_end_s: 0.1,
             gnss_lag_s: 0.0,

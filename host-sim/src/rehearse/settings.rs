@@ -267,7 +267,7 @@ pub enum Case {
 pub type Source = (&'static str, fn(&ErrorModel, &mut ErrorModel));
 
 /// All sources of errors: together they are the model.
-pub const SOURCES: [Source; 13] = [
+pub const SOURCES: [Source; 14] = [
     ("gyro noise", |from, to| {
         noise(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
@@ -279,6 +279,9 @@ pub const SOURCES: [Source; 13] = [
     }),
     ("gyro scale and misalignment", |from, to| {
         proportional(&from.gyro_deg_h, &mut to.gyro_deg_h);
+    }),
+    ("gyro response to specific force", |from, to| {
+        to.imu.gyro_g_sensitivity_deg_h_g = from.imu.gyro_g_sensitivity_deg_h_g;
     }),
     ("accelerometer noise", |from, to| {
         noise(&from.accel_mps2, &mut to.accel_mps2);
@@ -382,6 +385,7 @@ mod tests {
         model.gyro_deg_h.misalignment_sigma = 0.002;
         model.gyro_deg_h.warming_sigma = 50.0;
         model.accel_mps2.resolution = 0.01;
+        model.imu.gyro_g_sensitivity_deg_h_g = 72.0;
         model.imu.dropped_fraction = 0.01;
         model.imu.stamp_jitter_s = 0.001;
         model.gnss.habits.velocity.sigma = 0.05;

@@ -134,6 +134,8 @@ pub struct SensorErrors {
     pub accel_matrix: Matrix3<f64>,
     /// The same of the gyros.
     pub gyro_matrix: Matrix3<f64>,
+    /// Response of the gyros to specific force, rad/s per m/s^2.
+    pub g_sensitivity: Matrix3<f64>,
     /// A fix stamped t measures the motion at t minus this.
     pub gnss_latency_s: f64,
     /// The same at the end of the run, with clock drift.
@@ -146,9 +148,18 @@ impl SensorErrors {
     /// Accelerometer error at rest at a place, where `up` is up in their axes: biases, and scale errors and
     /// misalignments on gravity, which cannot be separated at one attitude.
     pub fn effective_accel_bias_mps2(&self, at: &Geodetic, up: &Vector3<f64>) -> Vector3<f64> {
-        let gravity_mps2 = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
-        Vector3::from(self.accel_bias_mps2) + gravity_mps2 * self.accel_matrix * up
+        Vector3::from(self.accel_bias_mps2) + self.accel_matrix * gravity_mps2(at, up)
     }
+
+    /// The same of the gyros: biases, and their response to gravity.
+    pub fn effective_gyro_bias_radps(&self, at: &Geodetic, up: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from(self.gyro_bias_radps) + self.g_sensitivity * gravity_mps2(at, up)
+    }
+}
+
+/// Specific force at rest at a place, along `up`.
+fn gravity_mps2(at: &Geodetic, up: &Vector3<f64>) -> Vector3<f64> {
+    LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2 * up
 }
 
 /// Mean direction of up, in the axes of the unit.
@@ -311,6 +322,7 @@ impl Recorder {
             gyro_bias_radps: gyro.into(),
             accel_matrix: accels.error_matrix(),
             gyro_matrix: gyros.error_matrix(),
+            g_sensitivity: self.unit.g_sensitivity,
             gnss_latency_s: self.receiver.latency_s,
             gnss_latency_end_s: self.receiver.latency_at_s(end.as_seconds()),
             gnss_lag_s: self.receiver.lag_s(),

@@ -11,6 +11,7 @@ use super::barometer::BarometerModel;
 pub use super::checks::ErrorModelError;
 use super::checks::check;
 use super::receiver::Habits;
+use crate::log::GRAVITY_MPS2;
 
 /// All errors between ideal sensors and a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +42,9 @@ pub struct ImuModel {
     pub gyro_range_deg_s: f64,
     /// Accelerometer readings saturate here, m/s^2.
     pub accel_range_mps2: f64,
+    /// Run-to-run sigma of the response of each gyro to specific force along each axis, deg/h/g.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub gyro_g_sensitivity_deg_h_g: f64,
     /// Part of the samples that are lost, 0 to 1.
     #[serde(default)]
     pub dropped_fraction: f64,
@@ -365,12 +369,18 @@ pub(crate) fn merge(file: &mut toml::Table, keys: &toml::Table) {
 }
 
 impl ImuModel {
+    /// Response of the gyros to specific force, one sigma, rad/s per m/s^2.
+    pub fn gyro_g_sensitivity(&self) -> f64 {
+        self.gyro_g_sensitivity_deg_h_g.to_radians() / (3600.0 * GRAVITY_MPS2)
+    }
+
     /// No sample lost, no jitter.
     fn new(output: ImuOutput, gyro_range_deg_s: f64, accel_range_mps2: f64) -> Self {
         Self {
             output,
             gyro_range_deg_s,
             accel_range_mps2,
+            gyro_g_sensitivity_deg_h_g: 0.0,
             dropped_fraction: 0.0,
             stamp_jitter_s: 0.0,
             holes: Vec::new(),

@@ -18,6 +18,8 @@ pub struct Imu {
     output: ImuOutput,
     pub gyros: Triad,
     pub accels: Triad,
+    /// Response of the gyros to specific force, rad/s per m/s^2.
+    pub g_sensitivity: Matrix3<f64>,
     /// Recorded noise in place of white noise, if any.
     pub recorded: Option<Resampled>,
 }
@@ -26,6 +28,8 @@ impl Imu {
     pub fn new(model: &ErrorModel, seed: u64) -> Self {
         let gyro_range = model.imu.gyro_range_deg_s * DEG_RAD;
         let deg_h = DEG_RAD / 3600.0;
+        let per_mps2 = model.imu.gyro_g_sensitivity();
+        let mut response = Random::stream(seed, "gyro g-sensitivity");
         Self {
             output: model.imu.output,
             gyros: Triad::new(&model.gyro_deg_h, deg_h, gyro_range, seed, "gyro"),
@@ -37,6 +41,7 @@ impl Imu {
                 "accel",
             )
             .with_symmetric_misalignment(),
+            g_sensitivity: Matrix3::from_fn(|_, _| per_mps2 * response.normal()),
             recorded: None,
         }
     }
@@ -74,9 +79,12 @@ impl Imu {
             Some(recorded) => recorded.step(),
             None => [&mut self.gyros, &mut self.accels].map(|triad| triad.white_noise(step_s)),
         };
+        let force = &now.specific_force_b_mps2;
+        let pulled = self.g_sensitivity * force;
         (
-            self.gyros.read(&now.angular_rate_ib_b_radps, &gyro),
-            self.accels.read(&now.specific_force_b_mps2, &accel),
+            self.gyros
+                .read(&now.angular_rate_ib_b_radps, &(gyro + pulled)),
+            self.accels.read(force, &accel),
         )
     }
 }
@@ -392,6 +400,23 @@ mod tests {
             all.extend(triad.scale.iter());
         }
         assert_sigma(&all, 0.015);
+    }
+
+    #[test]
+    fn gyros_answer_to_specific_force_as_told() {
+        let mut model = ErrorModel::ideal();
+        model.imu.output = ImuOutput::Rates;
+        model.imu.gyro_g_sensitivity_deg_h_g = 72.0;
+        let at_rest = Rates {
+            angular_rate_ib_b_radps: Vector3::zeros(),
+            specific_force_b_mps2: Vector3::new(0.0, 0.0, 9.81),
+        };
+        let units = (0..RUNS).map(|seed| Imu::new(&model, seed));
+        let read = units.map(|mut unit| unit.measure_rates(&at_rest, 0.01));
+        let all: Vec<f64> = read
+            .flat_map(|(gyro, _)| [gyro.x, gyro.y, gyro.z])
+            .collect();
+        assert_sigma(&all, 0.02_f64.to_radians());
     }
 
     #[test]

@@ -227,7 +227,7 @@ fn true_values(
         // The error of this estimate is the residual heading error, of either sign.
         azimuth_error_rad: value(found.azimuth_error_rad.value - residual_azimuth),
         accel_bias_mps2: vector(apparent_accel_bias),
-        gyro_bias_radps: vector(errors.gyro_bias_radps.into()),
+        gyro_bias_radps: vector(errors.effective_gyro_bias_radps(&end.position, &up)),
         gnss_latency_s: value(0.5 * (errors.gnss_latency_s + errors.gnss_latency_end_s)),
         lever_arm_m: vector(target.unit.lever_arm_m()),
         accel_scale: vector(errors.accel_matrix.diagonal()),

@@ -20,7 +20,7 @@ const GIVEN_HEADING_RAD: f64 = 0.3;
 /// Noise densities and priors, one sigma: the core's configuration, and what that does not contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// The sensors; ranges and misalignments are not used.
+    /// The sensors; ranges, misalignments and g-sensitivity are not used.
     pub sensors: SensorConfig,
     /// The receiver; its noise is not adapted.
     pub gnss: GnssConfig,
@@ -54,6 +54,7 @@ pub(crate) fn config_of_model(model: &ErrorModel, config: Config) -> Config {
             gyro_bias_walk: walk_density(&gyro.bias) * DEG_H_RADPS,
             gyro_bias_radps: gyro.bias.sigma_after(0.0) * DEG_H_RADPS,
             gyro_scale: gyro.scale_sigma,
+            gyro_g_sensitivity: model.imu.gyro_g_sensitivity(),
             accel_noise: densities(accel, 1.0),
             accel_bias_walk: walk_density(&accel.bias),
             accel_bias_mps2: accel.bias.sigma_after(0.0),

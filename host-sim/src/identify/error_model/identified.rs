@@ -368,9 +368,10 @@ const NO_MANOEUVRE: &str =
 const NO_LATENCY: &str = "needs starts and brakings";
 const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
 /// What is observable in no drive, and why.
-const NEVER_SHOWN: [(Name, &str); 7] = [
+const NEVER_SHOWN: [(Name, &str); 8] = [
     (("gyro_deg_h.misalignment_sigma", "1"), NOT_FITTED),
     (("accel_mps2.misalignment_sigma", "1"), NOT_FITTED),
+    (("imu.gyro_g_sensitivity_deg_h_g", "deg/h/g"), NOT_FITTED),
     (("accel_mps2.bias.correlated_sigma", "m/s^2"), DROWNED),
     (("gnss.horizontal_sigma_m", "m"), NOTHING_BETTER),
     (("gnss.vertical_sigma_m", "m"), NOTHING_BETTER),

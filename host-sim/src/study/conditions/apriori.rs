@@ -25,7 +25,7 @@ const ARM_SIGMA_M: f64 = 3.0;
 const DRIFT_SIGMA: f64 = 1e-4;
 
 /// Configuration by a user of this unit and receiver: the class of the sensors with the noise of its data
-/// sheet, content of the samples, heading if given, misalignment, and, if its preset assumes otherwise, that
+/// sheet, content of the samples, heading if given, misalignment and g-sensitivity, and, if its preset assumes otherwise, that
 /// the antenna is metres away and the clocks are separate.
 pub fn config(scenario: &Scenario, drive: &SimulatedDrive) -> Config {
     let mut config = config_of(scenario.class);
@@ -35,6 +35,7 @@ pub fn config(scenario: &Scenario, drive: &SimulatedDrive) -> Config {
     }
     config.sensors.misalignment_rad = (scenario.errors.gyro_deg_h.misalignment_sigma)
         .max(scenario.errors.accel_mps2.misalignment_sigma);
+    config.sensors.gyro_g_sensitivity = scenario.errors.imu.gyro_g_sensitivity();
     if scenario.antenna_m.norm() > 0.0 {
         config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(ARM_SIGMA_M);
     }

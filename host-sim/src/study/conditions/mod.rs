@@ -194,6 +194,15 @@ mod tests {
         assert!(ratio < 1.5, "{ratio}");
     }
 
+    /// Untold that gyros answer to specific force, the core is wrong and sure of latency and lever arm in four
+    /// of these.
+    #[test]
+    fn gyros_that_answer_to_specific_force_mislead_nothing() {
+        for row in of_kind("g_sensitive_motorcycle", Grade::Mems, 0, 8).rows {
+            assert_eq!(row.wrong_and_sure, 0, "{}", row.quantity.name);
+        }
+    }
+
     /// Stamps 2 ms off, and readings that vibrate by 5 m/s^2: a car's vertical velocity from heights. Without
     /// the noise of that it is 5.0 sigmas off, with it 1.0; eight runs vary by a fourth.
     #[test]

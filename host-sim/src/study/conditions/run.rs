@@ -151,7 +151,7 @@ fn check_parameters(
     let gyros = estimates.gyro_bias_radps.map(Some);
     for (first, estimates, truth) in [
         (index::ACCEL, accels, truth.accel_bias_mps2(&estimates.up)),
-        (index::GYRO, gyros, truth.sensors.gyro_bias_radps.into()),
+        (index::GYRO, gyros, truth.gyro_bias_radps(&estimates.up)),
         (index::LEVER, estimates.lever_arm_m, truth.lever_arm_m),
     ] {
         for (axis, estimate) in estimates.iter().enumerate() {

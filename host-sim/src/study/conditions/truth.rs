@@ -49,6 +49,11 @@ impl Truth {
         }
     }
 
+    /// Apparent biases of the gyros with this up direction.
+    pub fn gyro_bias_radps(&self, up: &Vector3<f64>) -> Vector3<f64> {
+        self.sensors.effective_gyro_bias_radps(&self.origin, up)
+    }
+
     /// Apparent biases of the accelerometers with this up direction.
     pub fn accel_bias_mps2(&self, up: &Vector3<f64>) -> Vector3<f64> {
         self.sensors.effective_accel_bias_mps2(&self.origin, up)

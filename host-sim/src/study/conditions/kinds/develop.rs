@@ -152,6 +152,8 @@ kinds! { judge: false,
         => |s| s.slip([5.0, 90.0], 0.6, false);
     "misaligned", MEMS, 15.0, "axes of gyros and accelerometers off by 5 mrad"
         => |s| s.misaligned(0.005);
+    "g_sensitive", MEMS, 15.0, "gyros answer to specific force by 0.02 deg/s/g, braking and bends"
+        => |s| s.errors.imu.gyro_g_sensitivity_deg_h_g = 72.0;
     "noisy_gyros", MEMS, 15.0,
     "gyros x and y five times as noisy as z, accelerometers y and z six times as x" => |s| {
         s.errors.gyro_deg_h.noise_times = [8.0, 8.0, 1.6];
@@ -252,6 +254,11 @@ kinds! { judge: false,
     "fixed wing, banks of 25 to 40 deg, from the ground, axes off by 5 mrad" => |s| {
         s.fixed_wing([25.0, 40.0], Begin::OnGround, 5.0);
         s.misaligned(0.005);
+    };
+    "g_sensitive_in_flight", MEMS, 15.0,
+    "fixed wing, banks of 25 to 45 deg, from the ground, gyros answer by 0.02 deg/s/g" => |s| {
+        s.fixed_wing([25.0, 45.0], Begin::OnGround, 5.0);
+        s.errors.imu.gyro_g_sensitivity_deg_h_g = 72.0;
     };
     "pedestrian", MEMS, 15.0, "walks at 0.8 to 1.8 m/s, two steps a second" => |s| {
         s.vehicle = Vehicle::Walker { rest_s: 20.0 };

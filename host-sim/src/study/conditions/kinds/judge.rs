@@ -349,6 +349,22 @@ kinds! { judge: true,
         s.habits().gives_height = false;
         s.habits().up = Up::Missing;
     };
+    "g_sensitive_in_circles", MEMS, 15.0,
+    "fixed wing, banks of 35 to 60 deg, begins in flight, gyros answer by 0.03 deg/s/g, 4 Hz" => |s| {
+        s.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
+        s.errors.imu.gyro_g_sensitivity_deg_h_g = 108.0;
+    };
+    "g_sensitive_motorcycle", MEMS, 15.0,
+    "leans as far as it turns, brakes hard, unit at any angle, gyros answer by 0.04 deg/s/g" => |s| {
+        s.vehicle = Vehicle::OnRoute(RouteBounds {
+            roll_rad_per_mps2: RouteBounds::BALANCED,
+            stop_s: Some([5.0, 20.0]),
+            lateral_mps2: [1.5, 5.0],
+            ..RouteBounds::ROAD
+        });
+        s.tilt_mount([0.0, 180.0]);
+        s.errors.imu.gyro_g_sensitivity_deg_h_g = 144.0;
+    };
     "glider", BOTH, 18.0,
     "begins at rest, circles for 1 to 5 min in banks of 17 to 34 deg, 34 deg south, 4 Hz"
     => |s| {
