@@ -265,6 +265,27 @@ kinds! { judge: false,
         s.noise([0.03, 0.03, 2.0], [0.5, 1.5, 60.0]);
         s.vibration.push(vibration::steps(2.0, 0.2, 4.0));
     };
+    "surveyor", MEMS, 15.0,
+    "walks with the antenna on a pole up to 1.8 m away, positions to 0.01 m, 5 Hz" => |s| {
+        s.vehicle = Vehicle::Walker { rest_s: 10.0 };
+        s.receiver(5.0, [0.03, 0.02, 1.0], [0.01, 0.01, 60.0]);
+        s.antenna_within([0.1, 0.1, 1.8]);
+        s.vibration.push(vibration::steps(1.9, 0.15, 3.0));
+    };
+    "jet", BOTH, 20.0, "120 to 260 m/s, turns of 3 to 12 m/s^2, climbs, from a runway, 5 Hz" => |s| {
+        s.vehicle = Vehicle::OnRoute(RouteBounds {
+            rest_s: [60.0, 120.0],
+            speed_mps: [120.0, 260.0],
+            straight_s: [20.0, 90.0],
+            turn_rad: [0.3, 2.5],
+            lateral_mps2: [3.0, 12.0],
+            roll_rad_per_mps2: RouteBounds::BALANCED,
+            steep: 3.0,
+            ..RouteBounds::ROAD
+        });
+        s.receiver(5.0, [0.05, 0.03, 2.0], [0.5, 1.5, 60.0]);
+        s.antenna_within([1.0, 3.0, 1.0]);
+    };
     // --- a barometer beside the receiver ---
     "barometer_in_outages", BOTH, 15.0,
     "fixed wing, twice or thrice 2 min without fixes but with a barometer" => |s| {

@@ -286,6 +286,59 @@ kinds! { judge: true,
         s.antenna_within([0.2, 0.4, 1.2]);
         s.float_ambiguities(90.0, 0.8, [20.0, 45.0]);
     };
+    "train", BOTH, 25.0, "30 to 85 m/s, wide curves, stations, antenna metres away, 1 Hz" => |s| {
+        s.vehicle = Vehicle::OnRoute(RouteBounds {
+            rest_s: [60.0, 180.0],
+            speed_mps: [30.0, 85.0],
+            straight_s: [30.0, 200.0],
+            stop_s: Some([40.0, 90.0]),
+            turn_rad: [0.02, 0.5],
+            lateral_mps2: [0.2, 0.9],
+            roll_rad_per_mps2: -0.002,
+            steep: 0.3,
+        });
+        s.receiver(1.0, [0.04, 0.04, 3.0], [0.8, 1.5, 60.0]);
+        s.antenna_within([1.0, 5.0, 3.0]);
+    };
+    "mower", BOTH, 20.0,
+    "0.3 to 0.7 m/s, turns around every 10 to 40 s, engine at 47 Hz, positions to 0.012 m" => |s| {
+        s.vehicle = Vehicle::OnRoute(RouteBounds {
+            speed_mps: [0.3, 0.7],
+            straight_s: [10.0, 40.0],
+            turn_rad: [2.0, 3.1],
+            lateral_mps2: [0.1, 0.3],
+            roll_rad_per_mps2: 0.0,
+            ..RouteBounds::ROAD
+        });
+        s.receiver(10.0, [0.03, 0.02, 1.0], [0.012, 0.01, 60.0]);
+        s.vibration.push(vibration::engine(Envelope::Always, 47.0, 3.0, 0.1));
+    };
+    "race_car", BOTH, 15.0,
+    "20 to 75 m/s, bends of 6 to 16 m/s^2, engine of 8 m/s^2 at 83 Hz that sampling aliases" => |s| {
+        s.vehicle = Vehicle::OnRoute(RouteBounds {
+            speed_mps: [20.0, 75.0],
+            straight_s: [3.0, 12.0],
+            turn_rad: [0.5, 3.0],
+            lateral_mps2: [6.0, 16.0],
+            roll_rad_per_mps2: -0.004,
+            ..RouteBounds::ROAD
+        });
+        s.receiver(10.0, [0.05, 0.05, 2.0], [0.5, 1.5, 60.0]);
+        s.vibration.push(vibration::engine(Envelope::Always, 83.0, 8.0, 0.1));
+        s.antenna_within([0.5, 1.0, 0.5]);
+    };
+    "delivery_van", BOTH, 25.0,
+    "stops for 1 to 4 min every half minute, unit tilted by up to 20 deg, poor fixes at 1 Hz" => |s| {
+        s.vehicle = Vehicle::OnRoute(RouteBounds {
+            speed_mps: [5.0, 14.0],
+            straight_s: [8.0, 40.0],
+            turn_rad: [0.3, 3.1],
+            stop_s: Some([60.0, 240.0]),
+            ..RouteBounds::ROAD
+        });
+        s.receiver(1.0, [0.05, 0.08, 5.0], [1.0, 3.0, 40.0]);
+        s.tilt_mount([0.0, 20.0]);
+    };
     "rough_truck", MEMS, 15.0,
     "idles at 23 Hz with 4 m/s^2, rocks by 0.5 deg, antenna 2 m away, leans" => |s| {
         s.vibration.push(vibration::engine(Envelope::Always, 23.0, 4.0, 0.15));
