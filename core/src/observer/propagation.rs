@@ -142,8 +142,9 @@ impl Observer {
         self.azimuth_walk += azimuth;
     }
 
-    /// Scale errors and misalignments of gyros and accelerometers, as far as they are no parameters, as
-    /// process noise: of errors proportional to the turn and not to its square root.
+    /// Scale errors and misalignments of gyros and accelerometers, as far as they are no parameters, and the
+    /// gyros' response to specific force, as process noise: of errors proportional to the turn, or to the
+    /// velocity gained, and not to its square root.
     fn add_manoeuvre_noise(&mut self, span: &Span, config: &Config) {
         let up = span.attitude_s.row(2).transpose() / span.seconds;
         let tilt_growth = self.tilt_transient.grow(&(up - self.up), span.seconds);

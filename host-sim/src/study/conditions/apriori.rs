@@ -25,8 +25,8 @@ const ARM_SIGMA_M: f64 = 3.0;
 const DRIFT_SIGMA: f64 = 1e-4;
 
 /// Configuration by a user of this unit and receiver: the class of the sensors with the noise of its data
-/// sheet, content of the samples, heading if given, misalignment and g-sensitivity, and, if its preset assumes otherwise, that
-/// the antenna is metres away and the clocks are separate.
+/// sheet, content of the samples, heading if given, misalignment and g-sensitivity, and, if its preset assumes
+/// otherwise, that the antenna is metres away and the clocks are separate.
 pub fn config(scenario: &Scenario, drive: &SimulatedDrive) -> Config {
     let mut config = config_of(scenario.class);
     config.imu_output = scenario.errors.imu.output;

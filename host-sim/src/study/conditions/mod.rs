@@ -194,8 +194,8 @@ mod tests {
         assert!(ratio < 1.5, "{ratio}");
     }
 
-    /// Untold that gyros answer to specific force, the core is wrong and sure of latency and lever arm in four
-    /// of these.
+    /// Untold that gyros answer to specific force, the core is wrong and sure four times in these, of latency
+    /// and lever arm.
     #[test]
     fn gyros_that_answer_to_specific_force_mislead_nothing() {
         for row in of_kind("g_sensitive_motorcycle", Grade::Mems, 0, 8).rows {
