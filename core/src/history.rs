@@ -285,6 +285,19 @@ impl<const N: usize> History<N> {
         });
     }
 
+    /// Mean change of the specific force within a fifth of a second, m/s^2.
+    pub fn shaking_mps2(&self) -> f64 {
+        let (mut sum_mps, mut count) = (0.0, 0.0);
+        let mut before: Option<&RingEntry> = None;
+        for entry in self.entries.iter().step_by(2) {
+            if let Some(before) = before.replace(entry) {
+                sum_mps += (entry.span.force_mps - before.span.force_mps).amax();
+                count += 1.0;
+            }
+        }
+        f64::from(sum_mps) / (SPACING_S * math::max(count, 1.0))
+    }
+
     /// Sums from a time on, and until when: at most `longest_s`, or one entry.
     #[inline(never)]
     pub fn next_span(&self, from: Time, to: Time, longest_s: f64) -> Option<(Span, Time)> {

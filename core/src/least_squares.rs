@@ -110,6 +110,11 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
+    /// Fades all that is known: weights times this.
+    pub fn fade(&mut self, keep: f32) {
+        self.weight *= keep;
+    }
+
     /// Adds direct measurements of parameters from `first` on, each with its variance.
     pub fn add_direct<const R: usize>(
         &mut self,

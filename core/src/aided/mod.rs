@@ -6,6 +6,7 @@ mod comparison;
 mod compensation;
 mod estimator;
 mod fixes;
+mod latency_search;
 mod vertical_sign;
 
 use nalgebra::Vector3;
@@ -15,6 +16,7 @@ use self::barometer::ClimbDifference;
 use self::comparison::Comparison;
 use self::compensation::Compensation;
 use self::estimator::Estimator;
+use self::latency_search::LatencySearch;
 use self::vertical_sign::{ClimbSample, VerticalSign};
 use crate::alignment::levelling::UNSEEN_RADPS;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
@@ -118,6 +120,7 @@ pub struct AidedIns<const N: usize> {
     moved_m: Vector3<f64>,
     before_current: Span,
     history: History<N>,
+    latency_search: LatencySearch,
     estimator: Estimator,
     compensation: Compensation,
     controls: Controls,
@@ -180,6 +183,7 @@ impl<const N: usize> AidedIns<N> {
             moved_m: Vector3::zeros(),
             before_current: Span::default(),
             history: History::default(),
+            latency_search: LatencySearch::EMPTY,
             estimator: Estimator::new(
                 time,
                 aligned.tilt_sigma_rad,
@@ -452,6 +456,10 @@ impl<const N: usize> AidedIns<N> {
                 return;
             }
         }
+        if self.due == Due::Nothing {
+            self.search_latency(config);
+            return;
+        }
         let next = match self.due {
             Due::Nothing | Due::Spread | Due::Compensate => Due::Nothing,
             Due::Horizon => Due::Level,
@@ -472,6 +480,18 @@ impl<const N: usize> AidedIns<N> {
             (Due::BiasWalk, Some(observer)) => observer.add_bias_walk(config),
         }
         self.due = next;
+    }
+
+    fn search_latency(&mut self, config: &Config) {
+        if self.latency_search.is_busy()
+            && let Some(observer) = self.estimator.exact_mut()
+        {
+            let believed_s = observer.parameters().value(index::LATENCY);
+            if let Some(found) = self.latency_search.work(&self.history, believed_s) {
+                observer.relocate(found.latency_s, &found.arm_m, config);
+                self.latency_search.restart();
+            }
+        }
     }
 
     /// The estimators must use what the ring is about to drop.

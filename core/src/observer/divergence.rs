@@ -39,6 +39,11 @@ const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_LEVEL_RADPS: f64 = 0.01;
 const HIDDEN_MPS2: f64 = 1.0;
 const HIDDEN_S: f64 = 1.0;
+/// Sigmas of a latency that was searched for, s, and of the arm that goes with it, m, and as a part of its
+/// shift.
+const RELOCATED_S: f64 = 0.05;
+const RELOCATED_ARM_M: f64 = 0.2;
+const RELOCATED_PART: f64 = 0.3;
 
 /// Missing inertial samples, and the variances of the interpolation: it may be wrong by half of the
 /// difference of the readings at both ends, and by an ordinary manoeuvre.
@@ -108,6 +113,29 @@ impl Observer {
         self.add_noise([gap.velocity; 2], [gap.tilt, gap.azimuth]);
         self.level.add_position_variance(gap.position);
         self.vertical.add_position_variance(gap.position);
+    }
+
+    /// Another latency than the estimated one was found to be right, and an arm that goes with it, if that can be.
+    #[inline(never)]
+    pub fn relocate(&mut self, latency_s: f64, arm_m: &Vector3<f64>, config: &Config) {
+        let prior = config.prior();
+        let agrees = |(which, arm_m): (usize, &f64)| {
+            prior.agrees(which, *arm_m, RELOCATED_ARM_M * RELOCATED_ARM_M)
+        };
+        if !(index::LEVER_ARM..).zip(arm_m).all(agrees) {
+            return;
+        }
+        let found = [latency_s, arm_m.x, arm_m.y, arm_m.z];
+        let latency = core::iter::once((index::LATENCY, [RELOCATED_S, 0.0]));
+        let arm = (index::LEVER_ARM..).map(|which| (which, [RELOCATED_ARM_M, RELOCATED_PART]));
+        for ((which, [sigma, part]), found) in latency.chain(arm).zip(found) {
+            if config.is_given(which) {
+                continue;
+            }
+            let shift = found - self.parameters.value(which);
+            self.parameters.shift(which, shift);
+            self.on_jump(which, sigma * sigma + part * part * shift * shift);
+        }
     }
 
     /// A parameter has jumped by a size of this variance, some time before detection: part of the INS error
