@@ -44,6 +44,8 @@ const HIDDEN_S: f64 = 1.0;
 const RELOCATED_S: f64 = 0.05;
 const RELOCATED_ARM_M: f64 = 0.2;
 const RELOCATED_PART: f64 = 0.3;
+/// Longest credible arm, sigmas: one that fits noise is longer.
+const RELOCATED_SIGMAS: f64 = 2.0;
 
 /// Missing inertial samples, and the variances of the interpolation: it may be wrong by half of the
 /// difference of the readings at both ends, and by an ordinary manoeuvre.
@@ -118,11 +120,8 @@ impl Observer {
     /// Another latency than the estimated one was found to be right, and an arm that goes with it, if that can be.
     #[inline(never)]
     pub fn relocate(&mut self, latency_s: f64, arm_m: &Vector3<f64>, config: &Config) {
-        let prior = config.prior();
-        let agrees = |(which, arm_m): (usize, &f64)| {
-            prior.agrees(which, *arm_m, RELOCATED_ARM_M * RELOCATED_ARM_M)
-        };
-        if !(index::LEVER_ARM..).zip(arm_m).all(agrees) {
+        let beyond_m = (arm_m - config.prior().vector(index::LEVER_ARM)).norm();
+        if beyond_m > RELOCATED_SIGMAS * (config.gnss.lever_arm_sigma_m + RELOCATED_ARM_M) {
             return;
         }
         let found = [latency_s, arm_m.x, arm_m.y, arm_m.z];
