@@ -199,8 +199,8 @@ impl LatencySearch {
     fn compare<const N: usize>(&mut self, history: &History<N>, believed_s: f64) {
         let Some(mut probe) = self.probe else { return };
         let time = probe.stamp.plus_seconds(-latency_s(probe.tried));
-        let believed = probe.stamp.plus_seconds(-believed_s);
-        if !history.covers(believed) {
+        let reference = probe.stamp.plus_seconds(-believed_s);
+        if !history.covers(reference) {
             return;
         }
         let past = match history.at(time, false) {
@@ -216,7 +216,7 @@ impl LatencySearch {
             }
         };
         let (from, to) = if probe.tried == 0 {
-            (time, believed)
+            (time, reference)
         } else {
             (time.plus_seconds(-STEP_S), time)
         };

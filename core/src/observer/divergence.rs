@@ -120,7 +120,7 @@ impl Observer {
     /// Another latency than the estimated one was found to be right, and an arm that goes with it, if that can be.
     #[inline(never)]
     pub fn relocate(&mut self, latency_s: f64, arm_m: &Vector3<f64>, config: &Config) {
-        let beyond_m = (arm_m - config.prior().vector(index::LEVER_ARM)).norm();
+        let beyond_m = (arm_m - config.prior().lever_arm()).norm();
         if beyond_m > RELOCATED_SIGMAS * (config.gnss.lever_arm_sigma_m + RELOCATED_ARM_M) {
             return;
         }
