@@ -147,11 +147,10 @@ impl LatencySearch {
 
     /// Takes a fix of a moving vehicle as the next probe, if one is due and steps shake the unit.
     pub fn on_fix<const N: usize>(&mut self, fix: &GnssFix, history: &History<N>, config: &Config) {
-        let asked = self.asked.replace(fix.time);
-        if asked.is_some_and(|asked| fix.time.seconds_since(asked) < INTERVAL_S) {
-            self.asked = asked;
+        if (self.asked).is_some_and(|asked| fix.time.seconds_since(asked) < INTERVAL_S) {
             return;
         }
+        self.asked = Some(fix.time);
         if self.probe.is_none()
             && self.probes < MOST
             && history.shaking_mps2() > SHAKING_MPS2
