@@ -19,7 +19,7 @@ const POLE_M: Vector3<f64> = Vector3::new(0.0, 0.0, 1.8);
 const HEAVE_MPS: f64 = 0.15;
 const LATENCY_S: f64 = 0.2;
 const NOISE_MPS: f64 = 0.03;
-/// Fixes a second, and steps of work for an entry of the ring.
+/// Interval of fixes, s, and steps of work for an entry of the ring.
 const FIX_S: f64 = 0.2;
 const WORK: u32 = 10;
 
