@@ -10,7 +10,7 @@ use crate::parameters::{Parameters, index};
 const BIAS_KNOWN: f64 = 0.5;
 const LATENCY_KNOWN: f64 = 0.2;
 /// Largest credible latency, s.
-const LATENCY_LIMIT_S: f64 = 1.2;
+pub const LATENCY_LIMIT_S: f64 = 1.2;
 
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

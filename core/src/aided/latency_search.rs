@@ -9,6 +9,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use super::compensation::LATENCY_LIMIT_S;
 use crate::config::Config;
 use crate::history::{History, Missing};
 use crate::least_squares::LeastSquares;
@@ -17,11 +18,10 @@ use crate::parameters::index;
 use crate::samples::GnssFix;
 use crate::time::Time;
 
-/// Latencies tried, from the longest on, s: what receivers have either way, in steps short against those of
-/// somebody who runs.
+/// Latencies tried, as far as they can be compensated either way, in steps short against those of somebody who
+/// runs, s.
 const COUNT: usize = 32;
-const LONGEST_S: f64 = 1.2;
-const STEP_S: f64 = 2.4 / 31.0;
+const STEP_S: f64 = 2.0 * LATENCY_LIMIT_S / 31.0;
 /// Least and longest time between two probes, s: later the INS's own error has changed.
 const INTERVAL_S: f64 = 1.9;
 const LONGEST_INTERVAL_S: f64 = 2.5;
@@ -214,18 +214,13 @@ impl LatencySearch {
                 return;
             }
         };
-        let (from, to) = if probe.tried == 0 {
-            (time, reference)
+        let (from, to, sign) = if probe.tried == 0 {
+            (time, reference, 1.0)
         } else {
-            (time.plus_seconds(-STEP_S), time)
+            (time.plus_seconds(-STEP_S), time, -1.0)
         };
         if let Some((span, _)) = history.next_span(from, to, f64::MAX) {
-            let gained_mps = singles(&span.control_velocity_mps).xy();
-            probe.control_mps = if probe.tried == 0 {
-                gained_mps
-            } else {
-                probe.control_mps - gained_mps
-            };
+            probe.control_mps += singles(&span.control_velocity_mps).xy() * sign;
         }
         let beyond_mps = probe.velocity_mps - singles(&past.velocity_mps).xy() - probe.control_mps;
         let arms: [[f64; 3]; 3] = past.attitude_rate.into();
@@ -255,12 +250,12 @@ impl LatencySearch {
     fn verdict(&mut self, believed_s: f64) -> Option<Found> {
         let fits = (0..).zip(&self.fits);
         let (best, fit) = fits.min_by(|(_, a), (_, b)| a.residual.total_cmp(&b.residual))?;
-        let latency_s = latency_s(best);
+        let found_s = latency_s(best);
         let arm_m = fit.arm.solve().map(f64::from);
-        let off_s = math::abs(latency_s - believed_s);
-        let is_far = off_s > APART_S && self.is_behind_barrier(latency_s, believed_s);
+        let off_s = math::abs(found_s - believed_s);
+        let is_far = off_s > APART_S && self.is_behind_barrier(found_s, believed_s);
         let convinces =
-            (is_far || off_s < CONFIRMED_S) && self.is_likely(best, latency_s, fit.residual);
+            (is_far || off_s < CONFIRMED_S) && self.is_likely(best, found_s, fit.residual);
         let stays = best.abs_diff(self.best) <= 1;
         self.best = best;
         self.convincing = match convinces {
@@ -273,7 +268,10 @@ impl LatencySearch {
         }
         // Found or confirmed.
         self.probes = MOST;
-        is_far.then_some(Found { latency_s, arm_m })
+        is_far.then_some(Found {
+            latency_s: found_s,
+            arm_m,
+        })
     }
 
     /// Whether the best latency is far more likely than those beyond its surroundings, and none of the ends.
@@ -296,9 +294,9 @@ impl LatencySearch {
     }
 }
 
-/// A latency by its number, s.
+/// A latency by its number, from the longest on, s.
 fn latency_s(number: u8) -> f64 {
-    LONGEST_S - STEP_S * f64::from(number)
+    LATENCY_LIMIT_S - STEP_S * f64::from(number)
 }
 
 #[cfg(test)]
