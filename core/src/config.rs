@@ -70,9 +70,10 @@ pub struct SensorConfig {
     /// Least and greatest ratio of the true `gyro_noise` to the configured one: it is adapted in motion,
     /// all axes together. Ones: not adapted.
     pub noise_range: [f64; 2],
-    /// Largest credible angular rate on one axis, rad/s.
+    /// Angular rate on one axis beyond which a reading may be clipped, rad/s: a little less than full scale. A
+    /// quarter more may then be lost, which is process noise. Beyond it by a tenth a reading is refused.
     pub gyro_range_radps: f64,
-    /// Largest credible specific force on one axis, m/s^2.
+    /// The same of the accelerometers, m/s^2.
     pub accel_range_mps2: f64,
 }
 
@@ -471,8 +472,8 @@ impl Config {
                 misalignment_rad: 0.0,
                 gyro_g_sensitivity: 0.0,
                 noise_range: [0.1, 10.0],
-                gyro_range_radps: 18.0,
-                accel_range_mps2: 370.0,
+                gyro_range_radps: 17.0,
+                accel_range_mps2: 360.0,
             },
             gnss: GnssConfig {
                 velocity_mps,
@@ -509,8 +510,8 @@ impl Config {
                 accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
                 cross_axis: 0.005,
-                gyro_range_radps: 35.0,
-                accel_range_mps2: 160.0,
+                gyro_range_radps: 34.0,
+                accel_range_mps2: 155.0,
                 ..base.sensors
             },
             gnss: GnssConfig {

@@ -27,6 +27,9 @@ const BRIDGEABLE_MPS: f64 = 3.0;
 /// Shortest gap in which a mount may slip, s: in a shorter one the force turns in vibration.
 const SLIP_S: f64 = 0.25;
 
+/// See [`Increments::unresolved_coning_radps`].
+const HALF_RATE_CONING: f64 = core::f64::consts::PI * core::f64::consts::PI / 32.0;
+
 /// Turn about one axis between samples that is ambiguous with one in the other direction, rad.
 const AMBIGUOUS_RAD: f64 = core::f64::consts::PI;
 
@@ -149,6 +152,28 @@ impl Increments {
             sample.accel - self.accel + self.accel_change,
         ];
         changes.map(|change| change.component_mul(&change) * (moved_s * moved_s))
+    }
+
+    /// Most of the mean rate about each axis that may be coning which sampling does not resolve, by the last
+    /// change of the readings, rad/s; it is the mean of many that tells.
+    ///
+    /// Rates `a` and `b` in quadrature turn the unit at `a b T / (2 p)`, with a phase of `p` in each interval
+    /// `T`. The two-sample term leaves the less of that the slower they are, and all at `p = pi`. There
+    /// the product of their changes is `4 a b / pi` on average, and `(2 / pi)^2` of that by increments.
+    #[inline(never)]
+    pub fn unresolved_coning_radps(&self) -> Vector3<f64> {
+        let usual_s = math::max(self.usual_s, f64::MIN_POSITIVE);
+        let change = self.gyro_change.abs();
+        let products = Vector3::new(
+            change.y * change.z,
+            change.z * change.x,
+            change.x * change.y,
+        );
+        products
+            * match self.output {
+                ImuOutput::Rates => usual_s / 8.0,
+                ImuOutput::Increments => HALF_RATE_CONING / usual_s,
+            }
     }
 
     /// Difference of the readings on both sides of a gap before `sample`, rad/s and m/s^2.

@@ -36,6 +36,12 @@ const CERTAIN_GAP_S: f64 = 0.5;
 const SET_BACK_S: f64 = 1.0;
 /// Longer than any increment, s: the interval of the first, or of one after a gap, is not known.
 const LONGEST_READING_S: f64 = 1.0;
+/// Part of the range by which a clipped reading may be more than that, and by which the truth may be more than a
+/// clipped reading, as in jolts and vibration for which a sensor was not chosen.
+const MORE_THAN_FULL_SCALE: f64 = 1.1;
+const BEYOND_RANGE: f64 = 0.25;
+/// Fixes of which one looks at the coning, which changes slowly.
+const CONING_FIXES: u32 = 8;
 /// Heights, m, and speed, m/s, beyond those of any vehicle this is for.
 const LOWEST_M: f64 = -12_000.0;
 const HIGHEST_M: f64 = 100_000.0;
@@ -397,8 +403,7 @@ impl<const RING: usize> State<RING> {
         counts: &mut Counts,
         config: &Config,
     ) -> Result<bool, ImuOutcome> {
-        // Zero times what is not finite is NaN.
-        if (0.0 * sample.gyro + 0.0 * sample.accel).sum().is_nan() {
+        if !(sample.gyro.sum() + sample.accel.sum()).is_finite() {
             return Err(ImuOutcome::NotFinite);
         }
         let Some((last, increments)) = &mut self.inertial else {
@@ -417,20 +422,14 @@ impl<const RING: usize> State<RING> {
         }
         let (gap, jitters) = (increments.has_gap(seconds), increments.jitters());
         let reading_s = math::min(increments.reading_seconds(seconds, gap), LONGEST_READING_S);
-        if largest.out_of_range(reading_s, config) {
-            // Increments over longer intervals are larger.
-            let rarer = gap && !largest.out_of_range(seconds, config);
-            if rarer && self.resumes(sample.time, AFTER_GAP_S) {
-                self.restart_at(sample, counts, config);
-                self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
-            }
-            return Err(ImuOutcome::OutOfRange);
-        }
         let too_far = increments.turns_too_far(largest.gyro, seconds);
+        let filled = !gap || (!too_far && increments.ends_agree(sample, seconds));
+        if largest.beyond_range(reading_s, config) {
+            self.on_large(sample, [seconds, reading_s], gap, counts, config)?;
+        }
         if too_far && !gap {
             return Err(ImuOutcome::OutOfRange);
         }
-        let filled = !gap || (!too_far && increments.ends_agree(sample, seconds));
         let bridgeable = filled && seconds <= config.max_gap_s;
         if !bridgeable || seconds > CERTAIN_GAP_S {
             if !self.resumes(sample.time, AFTER_GAP_S) {
@@ -449,6 +448,33 @@ impl<const RING: usize> State<RING> {
         self.interval = increments.interval_of(sample, seconds, gap);
         *last = sample.time;
         Ok(bridged)
+    }
+
+    /// A reading is beyond the sensors' range; `[seconds, reading_s]` since the last, and
+    /// of the reading itself.
+    #[inline(never)]
+    fn on_large(
+        &mut self,
+        sample: &ImuSample,
+        [seconds, reading_s]: [f64; 2],
+        gap: bool,
+        counts: &mut Counts,
+        config: &Config,
+    ) -> Result<(), ImuOutcome> {
+        let largest = Largest::of(sample);
+        if !largest.out_of_range(reading_s, config) {
+            if let Mode::Navigating(ins) = &mut self.mode {
+                ins.on_noise(&lost_in_saturation(sample, reading_s, config));
+            }
+            return Ok(());
+        }
+        // Increments over longer intervals are larger.
+        let rarer = gap && !largest.out_of_range(seconds, config);
+        if rarer && self.resumes(sample.time, AFTER_GAP_S) {
+            self.restart_at(sample, counts, config);
+            self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
+        }
+        Err(ImuOutcome::OutOfRange)
     }
 
     /// The interval before a sample is noisier, or not whole. Returns whether it bridges a gap: missing
@@ -681,7 +707,14 @@ impl<const RING: usize> State<RING> {
         };
         let outcome = match &mut self.mode {
             Mode::Navigating(ins) if repeats(ins) => GnssOutcome::Repeated,
-            Mode::Navigating(ins) => ins.on_fix(fix, counts, config),
+            Mode::Navigating(ins) => {
+                if counts.fixes.accepted % CONING_FIXES == 0
+                    && let Some((_, increments)) = &self.inertial
+                {
+                    ins.on_coning(&increments.unresolved_coning_radps());
+                }
+                ins.on_fix(fix, counts, config)
+            }
             Mode::Aligning(alignment) => {
                 alignment.on_fix(fix, config);
                 if let Some((since, ins)) = &mut self.stopgap {
@@ -747,11 +780,40 @@ impl Largest {
     }
 
     /// Whether one is beyond the sensors' range, with increments over so many seconds.
-    fn out_of_range(self, seconds: f64, config: &Config) -> bool {
+    fn beyond_range(self, seconds: f64, config: &Config) -> bool {
         let scale = config.imu_output.per_rate(seconds);
         self.gyro > scale * config.sensors.gyro_range_radps
             || self.accel > scale * config.sensors.accel_range_mps2
     }
+
+    /// Whether one is no reading of such sensors.
+    fn out_of_range(self, seconds: f64, config: &Config) -> bool {
+        let less = |reading| reading / MORE_THAN_FULL_SCALE;
+        let own = Self {
+            gyro: less(self.gyro),
+            accel: less(self.accel),
+        };
+        own.beyond_range(seconds, config)
+    }
+}
+
+/// Variances of the angle and of the velocity that a sample over so many seconds may lack, per body axis: of
+/// readings that may be clipped.
+#[inline(never)]
+fn lost_in_saturation(sample: &ImuSample, seconds: f64, config: &Config) -> [Vector3<f64>; 2] {
+    let s = &config.sensors;
+    let reading_s = config.imu_output.per_rate(seconds);
+    [
+        (&sample.gyro, s.gyro_range_radps),
+        (&sample.accel, s.accel_range_mps2),
+    ]
+    .map(|(readings, range)| {
+        let lost = BEYOND_RANGE * range * seconds;
+        readings.map(|reading| {
+            let saturated = math::abs(reading) > range * reading_s;
+            if saturated { lost * lost } else { 0.0 }
+        })
+    })
 }
 
 /// Sigmas of a stopgap whose position was last set so many seconds ago, ENU; the variances, m^2, are those

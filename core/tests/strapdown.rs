@@ -146,6 +146,42 @@ fn coning_error_of_rates_equals_the_parabola_residual() {
     assert!(uncompensated / drift > 30.0, "{uncompensated} {drift}");
 }
 
+#[test]
+fn coning_beyond_the_two_sample_term_is_bounded() {
+    let (h, samples) = (0.01, 20_000);
+    for (output, hz) in [ImuOutput::Increments, ImuOutput::Rates]
+        .into_iter()
+        .flat_map(|output| [5.0, 20.0, 30.0, 40.0, 45.0, 49.0].map(|hz| (output, hz)))
+    {
+        let coning = ConingMotion {
+            angle_rad: 3e-4,
+            rate_radps: TAU * hz,
+        };
+        let read = |from: f64, to: f64| match output {
+            ImuOutput::Increments => coning.increment(from, to),
+            ImuOutput::Rates => coning.rate(to),
+        };
+        let motion = intervals(output, h, samples, read);
+        let drift_radps = coning.drift(&motion, Interval::rotation_rad).abs() / h;
+        let mut increments = Increments::new(output, &sample(read(-h, 0.0)));
+        let mut sum_radps = 0.0;
+        for k in 0..samples {
+            let t = f64::from(k) * h;
+            increments.interval(&sample(read(t, t + h)), h);
+            sum_radps += increments.unresolved_coning_radps().x;
+        }
+        let bound_radps = sum_radps / f64::from(samples);
+        let case = format!("{output:?}, {hz} Hz: {drift_radps} of at most {bound_radps}");
+        assert!(drift_radps < bound_radps, "{case}");
+        // Exact at half the sampling rate; slow coning hardly counts.
+        if hz > 48.0 {
+            assert!(bound_radps < 1.1 * drift_radps, "{case}");
+        } else if hz < 6.0 {
+            assert!(bound_radps < 0.01 * coning.axial_radps().abs(), "{case}");
+        }
+    }
+}
+
 /// Oscillation about x and, in phase, along y: `x = A sin wt`, `f_y = B sin wt`. In the initial
 /// axes the mean force along z is `B J1(A)`, along y nothing.
 struct ScullingMotion {

@@ -91,6 +91,9 @@ impl AzimuthTotals {
     }
 }
 
+/// Looks over which unresolved coning is averaged: they see vibration at all phases.
+const CONING_MEMORY: f64 = 16.0;
+
 /// Next work of the estimators, beside updates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -159,6 +162,8 @@ pub struct AidedIns<const N: usize> {
     pub manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last comparison, ENU, m/s.
     last_comparison: (Time, Vector3<f64>),
+    /// Coning that sampling may not resolve, mean of many looks, rad/s.
+    unresolved_coning_radps: Vector3<f64>,
     /// A gap that the estimators have not passed.
     gap: Option<DataGap>,
     /// The INS has diverged, and must be aligned anew.
@@ -220,6 +225,7 @@ impl<const N: usize> AidedIns<N> {
             azimuth_totals: AzimuthTotals::default(),
             manoeuvre: Manoeuvre::default(),
             last_comparison: (time, Vector3::zeros()),
+            unresolved_coning_radps: Vector3::zeros(),
             gap: None,
             diverged: false,
             parameters_invalid: false,
@@ -323,7 +329,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// The parameters as told to others: a swinging arm is measured with the scale of the gyros, and as the
-    /// receiver smooths it.
+    /// receiver smooths it; what gyros seem to drift may be coning.
     pub fn stated(&self, config: &Config) -> Parameters {
         let mut parameters = *self.known();
         let Some(observer) = self.estimator.exact() else {
@@ -338,7 +344,16 @@ impl<const N: usize> AidedIns<N> {
             let most = math::max(sigma, config.gnss.lever_arm_sigma_m);
             parameters.set(which, arm_m, math::min(grown, most));
         }
+        for (which, coning) in (index::GYRO..).zip(&self.unresolved_coning_radps) {
+            parameters.widen(which, coning * coning);
+        }
         parameters
+    }
+
+    /// Takes a look at the coning: sampling may leave so much of it.
+    #[inline(never)]
+    pub fn on_coning(&mut self, most_radps: &Vector3<f64>) {
+        self.unresolved_coning_radps += (most_radps - self.unresolved_coning_radps) / CONING_MEMORY;
     }
 
     pub fn estimates(&self, config: &Config) -> Estimates {

@@ -19,23 +19,28 @@ use crate::study::estimator::config_of;
 /// Prior sigma of the height of places on land, for receivers that give none, m.
 const ANY_HEIGHT_M: f64 = 500.0;
 
+/// Reading that may be clipped, over the full scale.
+const CLIPPED: f64 = 0.98;
 /// Prior sigma for an antenna metres away, with a preset that assumes a close one, m.
 const ARM_SIGMA_M: f64 = 3.0;
 /// Prior sigma of clock drift, with a preset that assumes a common clock, s/s.
 const DRIFT_SIGMA: f64 = 1e-4;
 
-/// Configuration by a user of this unit and receiver: the class of the sensors with the noise of its data
+/// Configuration by a user of this unit and receiver: the class of the sensors with noise and range of its data
 /// sheet, content of the samples, heading if given, misalignment and g-sensitivity, and, if its preset assumes
 /// otherwise, that the antenna is metres away and the clocks are separate.
 pub fn config(scenario: &Scenario, drive: &SimulatedDrive) -> Config {
     let mut config = config_of(scenario.class);
-    config.imu_output = scenario.errors.imu.output;
+    let imu = &scenario.errors.imu;
+    config.imu_output = imu.output;
     if let Some(heading_rad) = drive.given_heading_rad {
         config.heading = HeadingSource::Given(heading_rad);
     }
+    config.sensors.gyro_range_radps = CLIPPED * imu.gyro_range_deg_s.to_radians();
+    config.sensors.accel_range_mps2 = CLIPPED * imu.accel_range_mps2;
     config.sensors.misalignment_rad = (scenario.errors.gyro_deg_h.misalignment_sigma)
         .max(scenario.errors.accel_mps2.misalignment_sigma);
-    config.sensors.gyro_g_sensitivity = scenario.errors.imu.gyro_g_sensitivity();
+    config.sensors.gyro_g_sensitivity = imu.gyro_g_sensitivity();
     if scenario.antenna_m.norm() > 0.0 {
         config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(ARM_SIGMA_M);
     }
