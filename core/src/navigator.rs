@@ -708,7 +708,7 @@ impl<const RING: usize> State<RING> {
         let outcome = match &mut self.mode {
             Mode::Navigating(ins) if repeats(ins) => GnssOutcome::Repeated,
             Mode::Navigating(ins) => {
-                if counts.fixes.accepted % CONING_FIXES == 0
+                if counts.fixes.accepted.is_multiple_of(CONING_FIXES)
                     && let Some((_, increments)) = &self.inertial
                 {
                     ins.on_coning(&increments.unresolved_coning_radps());
