@@ -450,8 +450,7 @@ impl<const RING: usize> State<RING> {
         Ok(bridged)
     }
 
-    /// A reading is beyond the sensors' range; `[seconds, reading_s]` since the last, and
-    /// of the reading itself.
+    /// A reading is beyond the sensors' range, `seconds` after the last; the reading itself covers `reading_s`.
     #[inline(never)]
     fn on_large(
         &mut self,
