@@ -420,17 +420,55 @@ impl<const RING: usize> State<RING> {
             }
             return Err(ImuOutcome::TimeNotIncreasing);
         }
-        let (gap, jitters) = (increments.has_gap(seconds), increments.jitters());
+        let gap = increments.has_gap(seconds);
         let reading_s = math::min(increments.reading_seconds(seconds, gap), LONGEST_READING_S);
+        let unusual = gap
+            || seconds > CERTAIN_GAP_S
+            || seconds > config.max_gap_s
+            || increments.turns_too_far(largest.gyro, seconds)
+            || largest.beyond_range(reading_s, config)
+            || increments.jitters()
+            || self.out_of_sequence.is_some();
+        let bridged =
+            unusual && self.on_unusual(sample, [seconds, reading_s], gap, counts, config)?;
+        let Some((last, increments)) = &mut self.inertial else {
+            return Err(ImuOutcome::Gap);
+        };
+        self.interval = increments.interval_of(sample, seconds, gap);
+        *last = sample.time;
+        Ok(bridged)
+    }
+
+    /// A sample `seconds` after the last, whose reading covers `reading_s`, is to be refused, or the interval before
+    /// it is noisier or not whole. Returns what `on_imu` does.
+    #[inline(never)]
+    fn on_unusual(
+        &mut self,
+        sample: &ImuSample,
+        [seconds, reading_s]: [f64; 2],
+        gap: bool,
+        counts: &mut Counts,
+        config: &Config,
+    ) -> Result<bool, ImuOutcome> {
+        let Some((_, increments)) = &self.inertial else {
+            return Err(ImuOutcome::Gap);
+        };
+        let largest = Largest::of(sample);
         let too_far = increments.turns_too_far(largest.gyro, seconds);
-        let filled = !gap || (!too_far && increments.ends_agree(sample, seconds));
-        if largest.beyond_range(reading_s, config) {
-            self.on_large(sample, [seconds, reading_s], gap, counts, config)?;
+        let bridgeable = seconds <= config.max_gap_s
+            && (!gap || (!too_far && increments.ends_agree(sample, seconds)));
+        if largest.out_of_range(reading_s, config) {
+            // Increments over longer intervals are larger.
+            let rarer = gap && !largest.out_of_range(seconds, config);
+            if rarer && self.resumes(sample.time, AFTER_GAP_S) {
+                self.restart_at(sample, counts, config);
+                self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
+            }
+            return Err(ImuOutcome::OutOfRange);
         }
         if too_far && !gap {
             return Err(ImuOutcome::OutOfRange);
         }
-        let bridgeable = filled && seconds <= config.max_gap_s;
         if !bridgeable || seconds > CERTAIN_GAP_S {
             if !self.resumes(sample.time, AFTER_GAP_S) {
                 return Err(ImuOutcome::Gap);
@@ -440,47 +478,20 @@ impl<const RING: usize> State<RING> {
                 return Err(ImuOutcome::Gap);
             }
         }
-        let irregular = gap || jitters || self.out_of_sequence.is_some();
-        let bridged = irregular && self.on_irregular(sample, seconds, gap);
-        let Some((last, increments)) = &mut self.inertial else {
-            return Err(ImuOutcome::Gap);
-        };
-        self.interval = increments.interval_of(sample, seconds, gap);
-        *last = sample.time;
-        Ok(bridged)
+        let lost = lost_in_saturation(sample, reading_s, config);
+        Ok(self.on_irregular(sample, seconds, gap, &lost))
     }
 
-    /// A reading is beyond the sensors' range, `seconds` after the last; the reading itself covers `reading_s`.
-    #[inline(never)]
-    fn on_large(
-        &mut self,
-        sample: &ImuSample,
-        [seconds, reading_s]: [f64; 2],
-        gap: bool,
-        counts: &mut Counts,
-        config: &Config,
-    ) -> Result<(), ImuOutcome> {
-        let largest = Largest::of(sample);
-        if !largest.out_of_range(reading_s, config) {
-            if let Mode::Navigating(ins) = &mut self.mode {
-                ins.on_noise(&lost_in_saturation(sample, reading_s, config));
-            }
-            return Ok(());
-        }
-        // Increments over longer intervals are larger.
-        let rarer = gap && !largest.out_of_range(seconds, config);
-        if rarer && self.resumes(sample.time, AFTER_GAP_S) {
-            self.restart_at(sample, counts, config);
-            self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
-        }
-        Err(ImuOutcome::OutOfRange)
-    }
-
-    /// The interval before a sample is noisier, or not whole. Returns whether it bridges a gap: missing
+    /// The interval before a sample is noisier by `lost`, or not whole. Returns whether it bridges a gap: missing
     /// samples, or those that were refused since the clock was set back. Single stamps out of order are
     /// neither.
-    #[inline(never)]
-    fn on_irregular(&mut self, sample: &ImuSample, seconds: f64, gap: bool) -> bool {
+    fn on_irregular(
+        &mut self,
+        sample: &ImuSample,
+        seconds: f64,
+        gap: bool,
+        lost: &[Vector3<f64>; 2],
+    ) -> bool {
         let Some((last, increments)) = &self.inertial else {
             return false;
         };
@@ -496,6 +507,7 @@ impl<const RING: usize> State<RING> {
         let Mode::Navigating(ins) = &mut self.mode else {
             return bridges;
         };
+        ins.on_noise(lost);
         if increments.jitters() {
             ins.on_noise(&increments.jitter_noise(sample));
         }

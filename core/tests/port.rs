@@ -170,6 +170,24 @@ fn sigmas_after_a_gap_cover_the_errors() {
     }
 }
 
+#[test]
+fn a_reading_that_may_be_clipped_is_noise_unless_it_is_refused() {
+    let mut car = Car::new(bends);
+    car.run_until(90.0, true, Some);
+    let clipped = |time_s: f64| ImuSample {
+        time: Time::from_seconds(time_s).unwrap(),
+        gyro: Vector3::zeros(),
+        accel: Vector3::new(1.05 * Config::mems().sensors.accel_range_mps2, 0.0, 0.0),
+    };
+    let before = car.navigator.sigma();
+    // After a gap that nothing bridges, and after none.
+    for (time_s, outcome) in [(91.0, ImuOutcome::Gap), (90.01, ImuOutcome::Accepted)] {
+        assert_eq!(car.navigator.sigma(), before);
+        assert_eq!(car.navigator.on_imu(&clipped(time_s)), outcome);
+    }
+    assert!(car.navigator.sigma().unwrap().velocity_mps.x > 2.0 * before.unwrap().velocity_mps.x);
+}
+
 /// Rest, a start, and steady turns without vibration.
 fn steady_turns(time_s: f64) -> (f64, f64, f64) {
     let (speed, accel, _) = bends(time_s.min(18.0));
