@@ -118,8 +118,8 @@ impl Calibration {
     /// Prior of a run: no sigma is above the configured one.
     pub(crate) fn prior(mut self, config: &Config) -> Result<Parameters, ConfigError> {
         let mut parameters = config.prior();
-        if !math::all_finite(&self.level_force_mps2) {
-            return Err(ConfigError::NotFinite("calibration"));
+        for force_mps2 in &self.level_force_mps2 {
+            finite(*force_mps2, "calibration")?;
         }
         for (first, group) in self.groups() {
             for (which, known) in (first..).zip(group) {

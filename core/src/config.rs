@@ -206,7 +206,7 @@ pub enum Feedback {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// Must be greater than zero, and less than 1e15.
+    /// Must be greater than zero, 1e-15 or so, and less than 1e15.
     NotPositive(&'static str),
     /// Must not be below zero, and be less than 1e15.
     Negative(&'static str),
@@ -216,6 +216,8 @@ pub enum ConfigError {
     RangeWithoutOne(&'static str),
     /// Must be an angle in radians: within a turn of zero.
     BeyondATurn(&'static str),
+    /// Must be a time in seconds, and at most a minute.
+    BeyondAMinute(&'static str),
 }
 
 impl core::fmt::Display for ConfigError {
@@ -226,6 +228,7 @@ impl core::fmt::Display for ConfigError {
             Self::NotFinite(value) => (value, "must be finite"),
             Self::RangeWithoutOne(value) => (value, "must be a range of factors around one"),
             Self::BeyondATurn(value) => (value, "must be in radians, and within a turn"),
+            Self::BeyondAMinute(value) => (value, "must be in seconds, and at most a minute"),
         };
         write!(f, "{value} {must}")
     }
@@ -237,7 +240,7 @@ impl core::error::Error for ConfigError {}
 const LARGEST: f64 = 1e15;
 
 fn positive(value: f64, name: &'static str) -> Result<(), ConfigError> {
-    let good = value > 0.0 && value < LARGEST;
+    let good = value > 1.0 / LARGEST && value < LARGEST;
     good.then_some(()).ok_or(ConfigError::NotPositive(name))
 }
 
@@ -249,6 +252,12 @@ fn not_negative(value: f64, name: &'static str) -> Result<(), ConfigError> {
 pub(crate) fn finite(value: f64, name: &'static str) -> Result<(), ConfigError> {
     let good = math::abs(value) < LARGEST;
     good.then_some(()).ok_or(ConfigError::NotFinite(name))
+}
+
+fn within_a_minute(seconds: f64, name: &'static str) -> Result<(), ConfigError> {
+    (seconds <= 60.0)
+        .then_some(())
+        .ok_or(ConfigError::BeyondAMinute(name))
 }
 
 fn within_a_turn(angle_rad: f64, name: &'static str) -> Result<(), ConfigError> {
@@ -319,11 +328,16 @@ impl GnssConfig {
         for arm in self.lever_arm_m {
             finite(arm, "gnss.lever_arm_m")?;
         }
-        not_negative(self.latency_sigma_s, "gnss.latency_sigma_s")?;
-        not_negative(self.position_delay_sigma_s, "gnss.position_delay_sigma_s")?;
+        for (sigma_s, name) in [
+            (self.latency_sigma_s, "gnss.latency_sigma_s"),
+            (self.position_delay_sigma_s, "gnss.position_delay_sigma_s"),
+            (math::sqrt(self.smoothing_s2), "gnss.smoothing_s2"),
+        ] {
+            not_negative(sigma_s, name)?;
+            within_a_minute(sigma_s, name)?;
+        }
         not_negative(self.clock_drift_sigma, "gnss.clock_drift_sigma")?;
-        not_negative(self.lever_arm_sigma_m, "gnss.lever_arm_sigma_m")?;
-        not_negative(self.smoothing_s2, "gnss.smoothing_s2")
+        not_negative(self.lever_arm_sigma_m, "gnss.lever_arm_sigma_m")
     }
 }
 
@@ -423,6 +437,7 @@ impl Config {
         self.sensors.check()?;
         self.gnss.check()?;
         positive(self.max_gap_s, "max_gap_s")?;
+        within_a_minute(self.max_gap_s, "max_gap_s")?;
         positive(self.climb_sigma_mps, "climb_sigma_mps")?;
         match self.heading {
             HeadingSource::Given(heading_rad) => within_a_turn(heading_rad, "heading"),

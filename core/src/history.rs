@@ -210,9 +210,10 @@ struct RingEntry {
 pub struct Vibration {
     seconds: f32,
     gained_mps: Vector2<f32>,
-    /// Integrals of its square, and of its product with time.
+    /// Sums of its square, of its product with time, and of the square of time.
     square: f32,
     moment: Vector2<f32>,
+    seconds2: f32,
     /// Integral of the squared angular rate.
     rate_square: f32,
 }
@@ -226,6 +227,7 @@ impl Vibration {
         self.seconds += dt;
         self.square += self.gained_mps.norm_squared() * dt;
         self.moment += self.gained_mps * (self.seconds * dt);
+        self.seconds2 += self.seconds * self.seconds * dt;
     }
 
     /// Mean square of a component about the chord, (m/s)^2.
@@ -234,9 +236,9 @@ impl Vibration {
             return 0.0;
         }
         let slope = self.gained_mps / self.seconds;
-        let cubed = self.seconds * self.seconds * self.seconds;
-        let sum = self.square - 2.0 * slope.dot(&self.moment) + slope.norm_squared() * cubed / 3.0;
-        0.5 * sum / self.seconds
+        // All are sums over the same samples, so that a steady acceleration is no deviation.
+        let chord = slope.norm_squared() * self.seconds2;
+        0.5 * (self.square - 2.0 * slope.dot(&self.moment) + chord) / self.seconds
     }
 
     /// Mean square of the rate about its mean, (rad/s)^2.

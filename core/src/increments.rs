@@ -133,25 +133,33 @@ impl Increments {
         self.usual_s > 0.0 && seconds > longest && seconds + self.late_s > longest
     }
 
-    /// Whether these are rates whose stamps jitter.
-    pub(crate) fn jitters(&self) -> bool {
-        self.output == ImuOutput::Rates
-            && math::abs(self.late_s) > LEAST_JITTER_RATIO * self.usual_s
+    /// Whether jitter of the stamps adds noise before a sample `seconds` after the last: to rates, and to
+    /// increments where a late stamp was filled like a gap.
+    pub(crate) fn jitters(&self, seconds: f64) -> bool {
+        match self.output {
+            ImuOutput::Rates => math::abs(self.late_s) > LEAST_JITTER_RATIO * self.usual_s,
+            ImuOutput::Increments => self.gaps > 0 && seconds < 0.5 * self.usual_s,
+        }
     }
 
-    /// Noise that jitter adds to rates before `sample`: variances of the angle and of the velocity gained, per
-    /// body axis, rad^2 and (m/s)^2.
+    /// Noise that jitter adds before `sample`, `seconds` after the last: variances of the angle and of the
+    /// velocity gained, per body axis, rad^2 and (m/s)^2.
     ///
     /// A stamp that is late moves time from the interval after it to the one before, whose mean readings
     /// differ. Whether the sample was as late as its stamp is not known: if so, what the readings were in
-    /// between is as uncertain.
-    pub(crate) fn jitter_noise(&self, sample: &ImuSample) -> [Vector3<f64>; 2] {
-        let moved_s = 0.5 * self.late_s;
-        let changes = [
-            sample.gyro - self.gyro + self.gyro_change,
-            sample.accel - self.accel + self.accel_change,
-        ];
-        changes.map(|change| change.component_mul(&change) * (moved_s * moved_s))
+    /// between is as uncertain. An increment of a time that was filled already counts twice.
+    pub(crate) fn jitter_noise(&self, sample: &ImuSample, seconds: f64) -> [Vector3<f64>; 2] {
+        let (changes, moved) = match self.output {
+            ImuOutput::Rates => (
+                [
+                    sample.gyro - self.gyro + self.gyro_change,
+                    sample.accel - self.accel + self.accel_change,
+                ],
+                0.5 * self.late_s,
+            ),
+            ImuOutput::Increments => ([sample.gyro, sample.accel], 1.0 - seconds / self.usual_s),
+        };
+        changes.map(|change| change.component_mul(&change) * (moved * moved))
     }
 
     /// Most of the mean rate about each axis that may be coning which sampling does not resolve, by the last
@@ -272,6 +280,8 @@ impl Increments {
                 )
             }
             ImuOutput::Increments => {
+                // Stamps of a burst are no intervals.
+                let before = math::max(before, 0.5 * seconds);
                 let scale = seconds * seconds / (6.0 * before * (before + seconds));
                 (sample.gyro, sample.accel, scale)
             }

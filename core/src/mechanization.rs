@@ -3,11 +3,14 @@
 //! East-North-Up, wander-free; quaternion attitude. Savage, Strapdown Inertial Navigation
 //! Integration Algorithm Design, J. Guidance 21 (1998), parts 1 and 2.
 
+use core::f64::consts::FRAC_PI_2;
+
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::attitude::{euler, matrix, renormalized, small_rotation, turned};
 use crate::earth::{Geodetic, LatitudeTrig, LocalEarth, wrap_pi};
 use crate::increments::Interval;
+use crate::math;
 use crate::samples::GnssFix;
 
 /// Inputs of the damping loops to the mechanization, ENU.
@@ -123,7 +126,8 @@ impl Mechanization {
 
     /// Moves the position by metres east, north and up.
     pub fn move_by(&mut self, earth: &LocalEarth, metres: &Vector3<f64>) {
-        self.position.latitude_rad += metres.y / earth.north_radius_m;
+        let latitude_rad = self.position.latitude_rad + metres.y / earth.north_radius_m;
+        self.position.latitude_rad = math::clamp(latitude_rad, [-FRAC_PI_2, FRAC_PI_2]);
         self.position.longitude_rad = wrap_pi(
             self.position.longitude_rad
                 + metres.x / (earth.east_radius_m * earth.safe_cos_latitude()),

@@ -19,7 +19,8 @@ use crate::math;
 use crate::mechanization::{Controls, Mechanization};
 use crate::observer::Observer;
 use crate::outcome::{GnssOutcome, ImuOutcome};
-use crate::samples::{ANYWHERE_M, BaroHeight, FixSigma, GnssFix, Heading, ImuSample};
+use crate::parameters::index;
+use crate::samples::{ANYWHERE_M, BaroHeight, GnssFix, Heading, ImuSample};
 use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
@@ -40,8 +41,6 @@ const LONGEST_READING_S: f64 = 1.0;
 /// clipped reading, as in jolts and vibration for which a sensor was not chosen.
 const MORE_THAN_FULL_SCALE: f64 = 1.1;
 const BEYOND_RANGE: f64 = 0.25;
-/// Fixes of which one looks at the coning, which changes slowly.
-const CONING_FIXES: u32 = 8;
 /// Heights, m, and speed, m/s, beyond those of any vehicle this is for.
 const LOWEST_M: f64 = -12_000.0;
 const HIGHEST_M: f64 = 100_000.0;
@@ -424,13 +423,12 @@ impl<const RING: usize> State<RING> {
         let reading_s = math::min(increments.reading_seconds(seconds, gap), LONGEST_READING_S);
         let unusual = gap
             || seconds > CERTAIN_GAP_S
-            || seconds > config.max_gap_s
             || increments.turns_too_far(largest.gyro, seconds)
             || largest.beyond_range(reading_s, config)
-            || increments.jitters()
+            || increments.jitters(seconds)
             || self.out_of_sequence.is_some();
-        let bridged =
-            unusual && self.on_unusual(sample, [seconds, reading_s], gap, counts, config)?;
+        let bridged = unusual
+            && self.on_unusual(sample, largest, [seconds, reading_s], gap, counts, config)?;
         let Some((last, increments)) = &mut self.inertial else {
             return Err(ImuOutcome::Gap);
         };
@@ -445,6 +443,7 @@ impl<const RING: usize> State<RING> {
     fn on_unusual(
         &mut self,
         sample: &ImuSample,
+        largest: Largest,
         [seconds, reading_s]: [f64; 2],
         gap: bool,
         counts: &mut Counts,
@@ -453,10 +452,12 @@ impl<const RING: usize> State<RING> {
         let Some((_, increments)) = &self.inertial else {
             return Err(ImuOutcome::Gap);
         };
-        let largest = Largest::of(sample);
         let too_far = increments.turns_too_far(largest.gyro, seconds);
-        let bridgeable = seconds <= config.max_gap_s
-            && (!gap || (!too_far && increments.ends_agree(sample, seconds)));
+        let bridgeable = if gap {
+            seconds <= config.max_gap_s && !too_far && increments.ends_agree(sample, seconds)
+        } else {
+            seconds <= CERTAIN_GAP_S
+        };
         if largest.out_of_range(reading_s, config) {
             // Increments over longer intervals are larger.
             let rarer = gap && !largest.out_of_range(seconds, config);
@@ -508,8 +509,8 @@ impl<const RING: usize> State<RING> {
             return bridges;
         };
         ins.on_noise(lost);
-        if increments.jitters() {
-            ins.on_noise(&increments.jitter_noise(sample));
+        if increments.jitters(seconds) {
+            ins.on_noise(&increments.jitter_noise(sample, seconds));
         }
         if bridges {
             let [mut rate, accel] = increments.ends_differ(sample);
@@ -613,7 +614,12 @@ impl<const RING: usize> State<RING> {
                     counts.fixes(newest, fixes, GnssOutcome::TooOld);
                 }
                 let bad_headings = ins.diverged && ins.is_heading_aided();
-                let stale_variance = ins.observer().map_or([0.0; 2], Observer::position_variance);
+                let mut stale_variance =
+                    ins.observer().map_or([0.0; 2], Observer::position_variance);
+                // It may have moved otherwise than it did before.
+                let speed_mps = ins.mechanization().velocity_enu_mps.norm() + STOPGAP_MPS;
+                let moved_m = speed_mps * math::max(gap_s, 0.0);
+                stale_variance[0] += moved_m * moved_m;
                 let known = if ins.parameters_invalid {
                     config.prior()
                 } else {
@@ -719,12 +725,13 @@ impl<const RING: usize> State<RING> {
         let outcome = match &mut self.mode {
             Mode::Navigating(ins) if repeats(ins) => GnssOutcome::Repeated,
             Mode::Navigating(ins) => {
-                if counts.fixes.accepted.is_multiple_of(CONING_FIXES)
+                let outcome = ins.on_fix(fix, counts, config);
+                if outcome == GnssOutcome::Queued
                     && let Some((_, increments)) = &self.inertial
                 {
                     ins.on_coning(&increments.unresolved_coning_radps());
                 }
-                ins.on_fix(fix, counts, config)
+                outcome
             }
             Mode::Aligning(alignment) => {
                 alignment.on_fix(fix, config);
@@ -732,6 +739,8 @@ impl<const RING: usize> State<RING> {
                     *ins = ins.at_fix(fix);
                     if fix.position.is_some() {
                         *since = fix.time;
+                        let late_s = alignment.known().value(index::LATENCY);
+                        ins.extrapolate(now.seconds_since(fix.time) + late_s);
                     }
                 }
                 GnssOutcome::Accepted
@@ -879,13 +888,8 @@ fn check_fix(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let position = fix.position.unwrap_or_default();
     let height_m = fix.height_m.unwrap_or_default();
     let place = Vector3::new(position.latitude_rad, position.longitude_rad, height_m);
-    let FixSigma {
-        position_m,
-        height_m,
-        velocity_mps,
-        velocity_up_mps,
-    } = fix.sigma;
-    let sigmas = [position_m, height_m, velocity_mps, velocity_up_mps];
+    let s = &fix.sigma;
+    let sigmas = [s.position_m, s.height_m, s.velocity_mps, s.velocity_up_mps];
     let stated = sigmas.iter().flatten().all(|sigma| sigma.is_finite());
     if !(math::all_finite(&velocity) && math::all_finite(&place) && stated) {
         return Err(GnssOutcome::NotFinite);

@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 use ins_core::config::HeadingSource;
 use ins_core::earth::{Geodetic, LatLon, wrap_pi};
 use ins_core::{
-    Config, FixSigma, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuSample, Navigator, Phase,
-    SolutionSigma, Time,
+    Config, ConfigError, FixSigma, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuOutput, ImuSample,
+    Navigator, Phase, SolutionSigma, Time,
 };
 use nalgebra::{Vector2, Vector3};
 
@@ -186,6 +186,80 @@ fn a_reading_that_may_be_clipped_is_noise_unless_it_is_refused() {
         assert_eq!(car.navigator.on_imu(&clipped(time_s)), outcome);
     }
     assert!(car.navigator.sigma().unwrap().velocity_mps.x > 2.0 * before.unwrap().velocity_mps.x);
+}
+
+#[test]
+fn an_increment_of_a_time_already_filled_is_noise() {
+    let config = Config {
+        imu_output: ImuOutput::Increments,
+        heading: HeadingSource::Given(0.0),
+        ..Config::mems()
+    };
+    let mut navigator = <Navigator>::new(config).unwrap();
+    // A hundred samples a second at rest; the last but one is stamped almost as late as the last.
+    for count in 1..=6000 {
+        let late_s = if count == 5999 { 0.008 } else { 0.0 };
+        let time = Time::from_seconds(STEP_S * f64::from(count) + late_s).unwrap();
+        let outcome = navigator.on_imu(&ImuSample {
+            time,
+            gyro: Vector3::zeros(),
+            accel: Vector3::new(0.0, 0.0, GRAVITY_MPS2 * STEP_S),
+        });
+        assert!(
+            matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged),
+            "{count}"
+        );
+        if count % 20 == 0 && count < 5900 {
+            let _ = navigator.on_gnss(&GnssFix {
+                time,
+                velocity_en_mps: Some(Vector2::zeros()),
+                velocity_up_mps: Some(0.0),
+                ..GnssFix::default().at(&Geodetic {
+                    latitude_rad: 0.9,
+                    longitude_rad: 0.1,
+                    height_m: 100.0,
+                })
+            });
+        }
+    }
+    let (up_mps, sigma) = (
+        navigator.solution().unwrap().velocity_enu_mps.z,
+        navigator.sigma().unwrap(),
+    );
+    assert!(up_mps > 0.06, "{up_mps}");
+    assert!(up_mps < 2.0 * sigma.velocity_mps.z, "{up_mps} {sigma:?}");
+}
+
+#[test]
+fn a_heading_in_a_gap_is_refused() {
+    let mut car = Car::new(bends);
+    car.run_until(90.0, true, Some);
+    car.run_until(91.0, false, |_| None);
+    car.run_until(92.0, true, |_| None);
+    let [in_gap, after, long_ago] = [90.5, 91.9, 80.0].map(|time_s| {
+        car.navigator.on_heading(&Heading {
+            time: Time::from_seconds(time_s).unwrap(),
+            heading_rad: car.heading_rad,
+            sigma_rad: 0.5,
+        })
+    });
+    assert_eq!(in_gap, GnssOutcome::NoInertialData);
+    assert_eq!(after, GnssOutcome::Accepted);
+    assert_eq!(long_ago, GnssOutcome::TooOld);
+}
+
+#[test]
+fn samples_without_gaps_need_no_bridge() {
+    let mut car = Car::new(bends);
+    let config = |max_gap_s| Config {
+        max_gap_s,
+        ..Config::mems()
+    };
+    car.navigator = Navigator::new(config(1e-3)).unwrap();
+    car.run_until(60.0, true, Some);
+    assert_eq!(car.navigator.phase(), Phase::Navigating);
+    let too_long = <Navigator>::new(config(3600.0)).err();
+    assert_eq!(too_long, Some(ConfigError::BeyondAMinute("max_gap_s")));
 }
 
 /// Rest, a start, and steady turns without vibration.

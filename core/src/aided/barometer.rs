@@ -62,12 +62,10 @@ impl Barometer {
             return Ok(None);
         }
         let rise_m = height.height_m - last.height_m;
-        if rise_m != 0.0 || seconds > LONGEST_S {
-            self.last = Some(*height);
-        }
-        if rise_m == 0.0 {
+        if rise_m == 0.0 && seconds <= LONGEST_S {
             return Err(GnssOutcome::Repeated);
         }
+        self.last = Some(*height);
         let mps = rise_m / seconds;
         let read_m2 = last.sigma_m * last.sigma_m + height.sigma_m * height.sigma_m;
         let scale_mps = SCALE_ERROR * mps;
@@ -78,7 +76,7 @@ impl Barometer {
                 + scale_mps * scale_mps * CLIMB_DURATION_S / seconds,
             seconds,
         };
-        Ok((seconds <= LONGEST_S).then_some(climb))
+        Ok((rise_m != 0.0 && seconds <= LONGEST_S).then_some(climb))
     }
 }
 

@@ -45,16 +45,13 @@ const JUMP_MPS: f64 = 3.0;
 impl<const N: usize> AidedIns<N> {
     /// Takes a fix, or queues it.
     pub fn on_fix(&mut self, fix: &GnssFix, counts: &mut Counts, config: &Config) -> GnssOutcome {
-        let moves = fix.is_moving(config.gnss.velocity_mps.white);
-        if moves {
-            self.latency_search.on_fix(fix, &self.history, config);
-        }
         let at_once = match self.pending.oldest() {
             None => self.gather(fix, true, config),
             Some(_) => None,
         };
         let outcome = at_once.unwrap_or_else(|| self.queue(fix, counts, config));
-        if outcome == GnssOutcome::Queued && moves {
+        if outcome == GnssOutcome::Queued && fix.is_moving(config.gnss.velocity_mps.white) {
+            self.latency_search.on_fix(fix, &self.history, config);
             self.rest.on_motion();
         }
         outcome

@@ -91,8 +91,8 @@ impl AzimuthTotals {
     }
 }
 
-/// Looks over which unresolved coning is averaged: they see vibration at all phases.
-const CONING_MEMORY: f64 = 16.0;
+/// Fixes over which unresolved coning is averaged: they see vibration at all phases.
+const CONING_MEMORY: f64 = 128.0;
 
 /// Next work of the estimators, beside updates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -350,7 +350,7 @@ impl<const N: usize> AidedIns<N> {
         parameters
     }
 
-    /// Takes a look at the coning: sampling may leave so much of it.
+    /// Takes a look at the coning, with a fix: sampling may leave so much of it.
     #[inline(never)]
     pub fn on_coning(&mut self, most_radps: &Vector3<f64>) {
         self.unresolved_coning_radps += (most_radps - self.unresolved_coning_radps) / CONING_MEMORY;
@@ -681,18 +681,21 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
         let ago_s = self.now.seconds_since(measured.time);
+        if self.gap.is_some_and(|gap| gap.holds(measured.time)) {
+            return GnssOutcome::NoInertialData;
+        }
         let (own_rad, turned_rad) = match self.history.at(measured.time, false) {
             Ok(past) => (
                 math::atan2(past.attitude.m12, past.attitude.m22),
                 self.turned_since(measured.time),
             ),
             // Within a spacing of the newest entry the rate is taken for constant.
-            Err(Missing::Future) if ago_s >= -SPACING_S => {
+            Err(Missing::Future) if math::abs(ago_s) <= SPACING_S => {
                 let turn_radps = self.current.turn_rad / math::max(self.current.seconds, 1e-9);
                 (self.mechanization.heading_rad() + turn_radps * ago_s, 0.0)
             }
-            Err(Missing::Future) => return GnssOutcome::TooFarAhead,
-            Err(Missing::TooOld) => return GnssOutcome::TooOld,
+            Err(Missing::Future) if ago_s < 0.0 => return GnssOutcome::TooFarAhead,
+            Err(_) => return GnssOutcome::TooOld,
         };
         // A platform turned by `Phi_UP` sees north further to the left by as much.
         let azimuth = wrap_pi(own_rad - measured.heading_rad);

@@ -587,15 +587,34 @@ impl Alignment {
             return;
         };
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
-        let [position_variance, _] = self.stale_variance;
         let attitude = turned(&level.attitude, heading_rad);
+        let (ins, position_variance) = self.placed(time, self.velocity_mps, attitude);
         self.stage = Stage::Aligned(Aligned {
-            ins: Mechanization::new(self.position, self.velocity_mps, attitude),
+            ins,
             tilt_sigma_rad: math::max(level.tilt_sigma_rad, LEVEL_SIGMA_RAD),
             source: levelled.source,
             climb_variance: self.climb_variance(config),
             position_variance,
         });
+    }
+
+    /// An INS at a time, and the variance of its position beyond that of a fix: the last one was of another.
+    fn placed(
+        &self,
+        time: Time,
+        velocity_mps: Vector3<f64>,
+        attitude: UnitQuaternion<f64>,
+    ) -> (Mechanization, f64) {
+        let mut ins = Mechanization::new(self.position, velocity_mps, attitude);
+        let age_s = time.seconds_since(self.position_time.unwrap_or(time))
+            + self.known.value(index::LATENCY);
+        let [mut variance, _] = self.stale_variance;
+        if math::abs(age_s) < OLDEST_FIX_S {
+            ins.extrapolate(age_s);
+        } else {
+            variance += velocity_mps.norm_squared() * age_s * age_s;
+        }
+        (ins, variance)
     }
 
     /// Variance of the unmeasured climb of a vehicle in motion.
@@ -748,9 +767,7 @@ impl Alignment {
     /// Hands over, at the end of a node.
     #[inline(never)]
     fn finish(&mut self, time: Time, best: u8, config: &Config) {
-        let (Stage::Searching(Search { bank, .. }), Some(position_time)) =
-            (&self.stage, self.position_time)
-        else {
+        let Stage::Searching(Search { bank, .. }) = &self.stage else {
             return;
         };
         let Some(candidate) = bank.candidate(best) else {
@@ -759,14 +776,7 @@ impl Alignment {
         let level = candidate.velocity_en_mps();
         let found = candidate.found();
         let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
-        let mut ins = Mechanization::new(self.position, velocity, *candidate.attitude());
-        let age_s = time.seconds_since(position_time) + self.known.value(index::LATENCY);
-        let [mut position_variance, _] = self.stale_variance;
-        if math::abs(age_s) < OLDEST_FIX_S {
-            ins.extrapolate(age_s);
-        } else {
-            position_variance += velocity.norm_squared() * age_s * age_s;
-        }
+        let (mut ins, position_variance) = self.placed(time, velocity, *candidate.attitude());
         ins.turn_heading(-found.rotation_rad);
         let level = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
         let tilt = found.tilt_sigma_rad * found.tilt_sigma_rad + level * level;

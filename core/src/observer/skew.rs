@@ -5,6 +5,9 @@ use nalgebra::Vector3;
 use crate::math;
 use crate::parameters::{COUNT, index};
 
+/// Most that is known of an arm, as many fixes' noise over its sigma, 1/s.
+const MOST_SHOWN: f64 = 1e15;
+
 /// Lever arm that the term passes for: in a swing both are in phase, so that the arm grows more certain with
 /// each fix, and the error stays.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,7 +22,8 @@ impl SkewedArm {
     /// An arm known to a sigma, m, before fixes of this noise, m/s: as if as many fixes had shown it without
     /// the term.
     pub fn known(sigma_m: &Vector3<f64>, noise_mps: f64) -> Self {
-        let shown = sigma_m.map(|sigma| noise_mps / sigma);
+        // An arm known exactly is no infinity, which JSON could not hold.
+        let shown = sigma_m.map(|sigma| math::min(noise_mps / sigma, MOST_SHOWN));
         Self {
             sums: [shown.x, shown.y, shown.z].map(|shown| [0.0, math::single(shown * shown)]),
         }

@@ -2,10 +2,8 @@
 
 use nalgebra::Vector3;
 
+use crate::innovations::MANOEUVRE_S;
 use crate::math::{self, singles};
-
-/// Time for which such an error of scale or misalignment is told from a tilt, s.
-const MANOEUVRE_S: f64 = 10.0;
 
 /// Error in proportion to a vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -222,11 +222,13 @@ impl Observer {
             }
         };
         let (position, height) = (position.inflation(), height.inflation());
+        let (velocity, climb) = (learnt(velocity, position), learnt(climb, height));
+        // Positions integrate the errors of velocities.
         [
-            learnt(velocity, position),
-            learnt(climb, height),
-            position,
-            height,
+            velocity,
+            climb,
+            math::max(position, velocity),
+            math::max(height, climb),
         ]
     }
 
