@@ -563,6 +563,9 @@ fn fixes() -> Vec<Mutation> {
         doubtful("heights in feet", |f| {
             convert(&mut f.gnss, "h_m", |x| x / 0.3048);
         }),
+        usable("heights of -9999 where there are none", |f| {
+            convert(&mut f.gnss, "h_m", |_| -9999.0);
+        }),
         usable("heights above the sea", |f| {
             convert(&mut f.gnss, "h_m", |x| x - 42.0);
         }),
@@ -611,6 +614,12 @@ fn sensors() -> Vec<Mutation> {
         }),
         doubtful("accelerometer down clipped", |f| {
             convert(&mut f.imu, "accel_z", |x| x.max(-10.3));
+        }),
+        doubtful("readings written twice", |f| {
+            hold(&mut f.imu, 1..7, |row| row / 2 * 2);
+        }),
+        doubtful("readings written five times", |f| {
+            hold(&mut f.imu, 1..7, |row| row / 5 * 5);
         }),
         doubtful("all channels frozen half way", |f| {
             let half = at(&f.imu, 0.5);

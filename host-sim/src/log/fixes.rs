@@ -1,5 +1,7 @@
 //! Known defects of fixes by loggers and receivers, and their repair.
 
+use std::ops::RangeInclusive;
+
 use ins_core::GnssFix;
 use ins_core::earth::LatLon;
 use nalgebra::Vector2;
@@ -14,6 +16,9 @@ const MOVING_MPS: f64 = 1.0;
 /// Distance travelled with one position that shows it is stuck, m: the coarsest resolution is 1e-5 deg.
 const STUCK_DISTANCE_M: f64 = 2.0;
 
+/// Heights at which there are vehicles and aircraft, m: from the shores of the Dead Sea.
+const HEIGHTS_M: RangeInclusive<f64> = -500.0..=30_000.0;
+
 /// Longest time without fixes at the end that needs no warning, s: a car in its garage.
 const EARLY_END_S: f64 = 60.0;
 
@@ -26,6 +31,7 @@ pub(super) fn repair_fixes(log: &mut Log, findings: &mut Findings) -> Result<(),
         findings,
     };
     repair.rows_without_fix()?;
+    repair.impossible_heights();
     repair.repeated_fixes();
     repair.stuck_positions();
     repair.repeated_velocities();
@@ -97,6 +103,29 @@ impl Repair<'_, '_> {
         let cause = "rows of zeros where the receiver had no fix; left out";
         self.warn("lat_deg, lon_deg", "positions of the drive", found, cause);
         Ok(())
+    }
+
+    /// Heights where nothing drives or flies: what loggers write for none, as -9999, 32767 or 99999.
+    fn impossible_heights(&mut self) {
+        let impossible = |fix: &GnssFix| fix.height_m.filter(|h| !HEIGHTS_M.contains(h));
+        let Some(first_m) = self.fixes.iter().find_map(impossible) else {
+            return;
+        };
+        let (count, all) = (
+            self.count(|fix| impossible(fix).is_some()),
+            self.count(|fix| fix.height_m.is_some()),
+        );
+        for fix in self
+            .fixes
+            .iter_mut()
+            .filter(|fix| impossible(fix).is_some())
+        {
+            fix.height_m = None;
+        }
+        self.drop_empty();
+        let found = format!("{count} of {all} beyond, the first {first_m}");
+        let cause = "written where the receiver gave none, or in another unit; left out";
+        self.warn("h_m", "heights from -500 to 30000 m", found, cause);
     }
 
     fn drop_empty(&mut self) {

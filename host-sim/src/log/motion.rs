@@ -216,8 +216,9 @@ fn track_correlations(log: &Log, rates: &Rates) -> Option<Matrix2<f64>> {
 fn check_horizontal_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut Findings) {
     let c = correlation;
     let expected = "accelerometers that measure braking along forward and turns along right";
-    let mut warn = |found: String, cause: String| {
-        findings.warn(findings.imu("accel", expected, found, cause));
+    let mut warn = |found: String, cause: String, doubt: bool| {
+        let defect = findings.imu("accel", expected, found, cause);
+        findings.warn(LogError { doubt, ..defect });
     };
     let axes = log.meta.body_axes;
     let (a, b) = (c[(0, 1)], c[(1, 0)]);
@@ -238,13 +239,14 @@ fn check_horizontal_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut F
             }
             None => "columns of another order, or a unit mounted sideways".to_owned(),
         };
-        warn(found, cause);
+        warn(found, cause, true);
         return;
     }
     for (axis, name) in [(0, "right"), (1, "forward")] {
         if c[(axis, axis)] < -CLEAR_CORRELATION {
-            let other = c[(1 - axis, 1 - axis)];
-            let cause = if other < -CLEAR_CORRELATION {
+            // The unit as a whole may be turned; a single sensor is wrong.
+            let turned = c[(1 - axis, 1 - axis)] < -CLEAR_CORRELATION;
+            let cause = if turned {
                 "mounted backwards, or both level accelerometers of the wrong sign: heading is \
                  half a turn off"
                     .to_owned()
@@ -252,8 +254,8 @@ fn check_horizontal_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut F
                 format!("accel_{} has the wrong sign", axes.letter(axis))
             };
             let found = format!("the opposite {name} (correlation {:.2})", c[(axis, axis)]);
-            warn(found, cause);
-            if other < -CLEAR_CORRELATION {
+            warn(found, cause, !turned);
+            if turned {
                 return;
             }
         }
@@ -287,7 +289,10 @@ fn check_gravity_rotation(log: &Log, rates: &Rates, findings: &mut Findings) {
             log.meta.body_axes
         );
         let expected = "gravity that rotates in the body as the gyros measure";
-        findings.warn(findings.imu("gyro, accel", expected, found, cause));
+        findings.warn(LogError {
+            doubt: true,
+            ..findings.imu("gyro, accel", expected, found, cause)
+        });
     }
 }
 

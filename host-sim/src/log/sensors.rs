@@ -1,8 +1,9 @@
-//! Spikes, stuck channels and saturation of the inertial sensors, and gaps.
+//! Readings held by the logger, spikes, stuck channels and saturation of the inertial sensors, and gaps.
 
+use std::collections::BTreeMap;
 use std::io;
 
-use ins_core::{GnssFix, ImuSample, Time};
+use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::Vector3;
 
 use super::Log;
@@ -21,7 +22,7 @@ const GAP_S: f64 = 3.0;
 /// Least run of samples at the highest value that is saturation: a true peak has one or two.
 const SATURATED_RUN: usize = 5;
 
-/// Leaves out spikes and stuck samples, warns of saturation. Returns whether any was left out.
+/// Leaves out held readings, spikes and stuck samples, warns of saturation. Returns whether any was left out.
 pub(super) fn repair_sensors(
     log: &mut Log,
     per_second: f64,
@@ -29,6 +30,7 @@ pub(super) fn repair_sensors(
 ) -> Result<bool, LogError> {
     warn_of_gaps(log, findings);
     let before = log.imu.len();
+    leave_out_held(log, findings).map_err(|e| LogError::no_room(&e))?;
     leave_out_spikes(log, per_second, findings).map_err(|e| LogError::no_room(&e))?;
     leave_out_frozen(log, per_second, findings)?;
     warn_of_stuck_and_saturated(log, per_second, findings);
@@ -53,6 +55,46 @@ fn warn_of_gaps(log: &Log, findings: &mut Findings) {
     let found = format!("a gap of {seconds:.1} s after {at_s:.1} s{more_gaps}");
     let cause = "recording paused or broke off; the solution starts anew after each";
     findings.warn(findings.imu("", "samples without gaps", found, cause));
+}
+
+/// A logger faster than the sensors writes each reading several times. Few are held much longer: that is rest, in
+/// a simulation.
+fn leave_out_held(log: &mut Log, findings: &mut Findings) -> io::Result<()> {
+    let same = |a: &ImuSample, b: &ImuSample| a.gyro == b.gyro && a.accel == b.accel;
+    let mut runs: BTreeMap<usize, usize> = BTreeMap::new();
+    let mut run = 1;
+    for [last, next] in log.imu.pairs() {
+        if same(&last, &next) {
+            run += 1;
+        } else {
+            *runs.entry(run).or_default() += 1;
+            run = 1;
+        }
+    }
+    let all: usize = runs.values().sum();
+    // The shortest as long as most are, and as long as almost all are.
+    let [most, held] = [0.5, 0.95].map(|part| {
+        let mut covered = 0;
+        let length = runs.iter().find(|(_, count)| {
+            covered += **count;
+            covered as f64 > part * all as f64
+        });
+        length.map_or(1, |(length, _)| *length)
+    });
+    let count = log.imu.len();
+    if log.meta.imu == ImuOutput::Increments || most < 2 || 2 * held * all < count {
+        return Ok(());
+    }
+    let mut last: Option<(ImuSample, usize)> = None;
+    log.imu = log.imu.filtered(|sample| {
+        let held_before = last.filter(|(kept, times)| same(kept, sample) && *times < held);
+        last = held_before.map_or(Some((*sample, 1)), |(kept, times)| Some((kept, times + 1)));
+        held_before.is_none()
+    })?;
+    let found = format!("{} of {count} like the one before", count - log.imu.len());
+    let cause = "the logger writes each reading several times: only the first is used";
+    findings.warn(findings.imu("", "a new reading in every row", found, cause));
+    Ok(())
 }
 
 fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {
