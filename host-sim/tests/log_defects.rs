@@ -504,6 +504,7 @@ fn form_cases() -> Vec<Case> {
         }),
         text("semicolons", |f| f.gnss = f.gnss.replace(',', ";")),
         text("line cut off", |f| f.imu.truncate(f.imu.len() - 20)),
+        text("zeros at the end", |f| f.imu.push_str(&"\0".repeat(40_000))),
         text("decimal comma", |f| {
             set_line(&mut f.imu, 5, "0,06,0,0,0,0,0,-9.8");
         }),

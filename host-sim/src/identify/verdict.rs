@@ -172,10 +172,8 @@ fn innovations(found: &Identification) -> Option<String> {
     let sigma = crate::log::median(sizes) / MEDIAN_OF_TWO;
     (sigma > most).then(|| {
         format!(
-            "GNSS and the INS differ by {} m/s on an axis, where {} is the most that is expected: \
-             velocities, stamps or axes are not what they are taken for.",
-            brief(sigma),
-            brief(most)
+            "GNSS and the INS differ by {sigma:.2} m/s on an axis, where {most:.2} is the most that is \
+             expected: velocities, stamps or axes are not what they are taken for."
         )
     })
 }

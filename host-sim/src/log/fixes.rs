@@ -145,7 +145,7 @@ impl Repair<'_, '_> {
         if self.count_pairs(same) == 0 {
             return;
         }
-        // At rest new fixes may equal the last, but arrive at no higher rate.
+        // At rest new fixes may equal the last, but arrive at no higher rate; the next may be a little late.
         let changed = (self.fixes.windows(2)).filter(|w| moves(&w[0]) && !same(&w[0], &w[1]));
         let changes: Vec<f64> = changed.map(|w| w[1].time.as_seconds()).collect();
         let period_s = median(changes.windows(2).map(|w| w[1] - w[0]));
@@ -155,7 +155,7 @@ impl Repair<'_, '_> {
             let stale = last.is_some_and(|last| {
                 let since_s = fix.time.seconds_since(last.time);
                 let time = fix.time;
-                GnssFix { time, ..last } == *fix && (moves(fix) || since_s < 0.9 * period_s)
+                GnssFix { time, ..last } == *fix && (moves(fix) || since_s < 1.5 * period_s)
             });
             if !stale {
                 last = Some(*fix);

@@ -89,6 +89,10 @@ struct Record {
 }
 
 impl Record {
+    fn is_zeros(&self) -> bool {
+        !self.bytes.is_empty() && self.bytes.iter().all(|&byte| byte == 0)
+    }
+
     fn split(&mut self, separator: u8) {
         self.cells.clear();
         let mut start = 0;
@@ -250,6 +254,14 @@ impl Table {
                                  is whole is used";
                     let defect = self.defect("a whole gzip file", "one that ends too early", cause);
                     self.truncated = Some(defect.at_line(self.line));
+                    return Ok(false);
+                }
+                Err(_) if self.line > 0 && self.record.is_zeros() => {
+                    let cause = "a file made longer than what was written before the logger lost \
+                                 power: what is before them is used";
+                    let found = "thousands of zero bytes";
+                    let defect = self.defect("text to the end of the file", found, cause);
+                    self.truncated = Some(defect.at_line(self.line + 1));
                     return Ok(false);
                 }
                 Err(error) => return Err(read_failed(&self.path, &error).at_line(self.line + 1)),
