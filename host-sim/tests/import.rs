@@ -1203,6 +1203,20 @@ fn gnss_ins_sim_is_imported() {
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_drive(&log, EXACT);
+
+    // A damaged row leaves the later ones at their times; a missing one does not.
+    let intact = fs::read_to_string(folder.path().join("gyro-0.csv")).unwrap();
+    let mut lines: Vec<&str> = intact.lines().collect();
+    lines[100] = "1.5";
+    put("gyro-0.csv", lines.join("\n"));
+    let (damaged, warnings) = open(folder.path()).unwrap();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert_eq!(damaged.imu.len() + 1, log.imu.len());
+    assert!(damaged.imu.last() == log.imu.last());
+    lines.remove(100);
+    put("gyro-0.csv", lines.join("\n"));
+    let error = open(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("rows as in"), "{error}");
 }
 
 #[test]
@@ -1296,6 +1310,48 @@ fn tables_with_configured_columns_are_imported() {
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_drive(&log, EXACT);
+}
+
+#[test]
+fn rows_of_another_width_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    tables(folder.path(), COLUMNS);
+    let gps = fs::read_to_string(folder.path().join("gps.txt")).unwrap();
+    let cut = |every: usize| {
+        let lines = gps.lines().enumerate().map(|(index, line)| {
+            let cells = if index % every == every - 1 { 4 } else { 7 };
+            line.splitn(cells + 1, ' ')
+                .take(cells)
+                .collect::<Vec<_>>()
+                .join(" ")
+        });
+        lines.collect::<Vec<_>>().join("\n")
+    };
+    // As a logger and a spreadsheet may begin.
+    file(
+        folder.path(),
+        "gps.txt",
+        format!("# receiver 1\nsep= \n{}", cut(25)),
+    );
+    let (_, warnings) = open(folder.path()).unwrap();
+    assert!(
+        warnings[0].to_string().contains("others in"),
+        "{warnings:?}"
+    );
+    file(folder.path(), "gps.txt", cut(2));
+    let error = open(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("others in"), "{error}");
+}
+
+#[test]
+fn a_column_is_not_read_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    tables(folder.path(), &COLUMNS.replace("\"wy\"", "\"wx\""));
+    let error = open(folder.path()).unwrap_err().to_string();
+    assert!(
+        error.contains("gyro_y") && error.contains("gyro_x"),
+        "{error}"
+    );
 }
 
 #[test]

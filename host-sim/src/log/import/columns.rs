@@ -28,7 +28,6 @@ use serde::Deserialize;
 
 use super::recording::{Recording, east_north, fix_sigma, from_course, from_degrees};
 use super::texts::{Table, content};
-use crate::log::order::MAX_LEFT_OUT;
 use crate::log::read::{find_table, read_baro, read_truth};
 use crate::log::{LogError, Meta};
 use crate::statistics::rms_of_any;
@@ -165,7 +164,7 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
             gnss.require(&pair, &path)?;
         }
     }
-    let sample = |row: &Vec<f64>| {
+    let sample = |row: &[f64]| {
         let vector = |names: [&str; 3]| {
             let [x, y, z] = names.map(|name| imu.cell(row, name));
             Some(Vector3::new(x?, y?, z?))
@@ -201,10 +200,15 @@ fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
         rms_of_any(stated.filter(|sigma| *sigma > 0.0))
     };
     let velocity = cell("ve").zip(cell("vn")).map(east_north);
+    let place = cell("lat_deg").zip(cell("lon_deg"));
+    let position = place.and_then(from_degrees);
+    if position.is_none() && place.is_some() {
+        return None;
+    }
     let speed_and_course = cell("speed_mps").zip(cell("course_deg"));
     Some(GnssFix {
         time: Time::from_seconds(cell("t_s")?)?,
-        position: cell("lat_deg").zip(cell("lon_deg")).and_then(from_degrees),
+        position,
         height_m: cell("h_m"),
         velocity_en_mps: velocity.or_else(|| speed_and_course.map(from_course)),
         velocity_up_mps: cell("vu"),
@@ -232,7 +236,7 @@ impl Columns {
     ) -> Result<Self, LogError> {
         let path = folder.join(&named.file);
         let table = Table::read(&path)?;
-        let mut columns = BTreeMap::new();
+        let mut columns: BTreeMap<String, (usize, f64)> = BTreeMap::new();
         for (name, source) in &named.columns {
             let own = known.iter().find(|(own, _)| own == name);
             let (_, units) = own.ok_or_else(|| unknown_name(name, known, meta))?;
@@ -258,6 +262,16 @@ impl Columns {
                 cause: "misspelt in [columns] of meta.toml, or another file".into(),
                 ..defect
             })?;
+            // One spread may be that of several axes.
+            let twice = columns.iter().find(|(other, (own, _))| {
+                *own == index && !(name.starts_with("sd_") && other.starts_with("sd_"))
+            });
+            if let Some((other, _)) = twice {
+                let found = format!("the column of `{other}`, `{column}`");
+                let cause = "copied and not changed";
+                let expected = format!("a column of its own for `{name}`");
+                return Err(LogError::file(meta, expected, found, cause));
+            }
             columns.insert(name.clone(), (index, sign * scale));
         }
         Ok(Self { table, columns })
@@ -274,32 +288,14 @@ impl Columns {
         }
     }
 
-    /// All rows, parsed; unreadable ones give a warning, or an error if they are many.
+    /// All rows that can be read.
     fn parsed<T>(
         &self,
-        of_row: impl Fn(&Vec<f64>) -> Option<T>,
+        of_row: impl Fn(&[f64]) -> Option<T>,
         path: &Path,
         notes: &mut Vec<LogError>,
     ) -> Result<Vec<T>, LogError> {
-        let rows: Vec<Option<T>> = self.table.rows.iter().map(of_row).collect();
-        if let Some(first) = rows.iter().position(Option::is_none) {
-            let lost = rows.iter().filter(|row| row.is_none()).count();
-            let found = format!(
-                "others in {lost} of {} rows, first in row {}",
-                rows.len(),
-                first + 1
-            );
-            let cause = format!(
-                "text or empty cells in the columns that meta.toml names, or dates for seconds; left \
-                 out, at most {} % of the rows",
-                100.0 * MAX_LEFT_OUT
-            );
-            let defect = LogError::file(path, "rows of numbers", found, cause);
-            if lost as f64 > MAX_LEFT_OUT * rows.len() as f64 {
-                return Err(defect);
-            }
-            notes.push(defect);
-        }
+        let rows = self.table.parsed(of_row, path, notes)?;
         Ok(rows.into_iter().flatten().collect())
     }
 

@@ -44,6 +44,11 @@ pub(super) fn read_nmea(path: &Path) -> Result<Recording, LogError> {
                 let expected = "a sentence of the checksum it states";
                 damaged.add(LogError::file(path, expected, "another", cause).at_line(number));
             }
+            Some(Err(_)) if !line.contains('*') => {
+                let cause = "cut off between receiver and file";
+                let expected = "a sentence with a checksum";
+                damaged.add(LogError::file(path, expected, "none", cause).at_line(number));
+            }
             _ => {}
         }
     }

@@ -51,30 +51,38 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     let imus = recording.imus.iter_mut().map(|imu| &mut imu.path);
     let receivers = recording.receivers.iter_mut().map(|from| &mut from.path);
     (imus.chain(receivers)).for_each(|file| path.clone_into(file));
+    for note in &mut recording.notes {
+        note.path = path.into();
+    }
     Ok(recording)
 }
 
 fn tables(path: &Path) -> Result<Recording, LogError> {
-    let gyro = vectors(&path.join("Gyroscope.csv"))?;
-    let samples = joined(&gyro, &force(path)?, BodyAxes::Rfu);
     let mut recording = Recording::default();
+    let notes = &mut recording.notes;
     let sensor = path.join("Gyroscope.csv");
+    let samples = joined(
+        &vectors(&sensor, notes)?,
+        &force(path, notes)?,
+        BodyAxes::Rfu,
+    );
     recording.add_imu(&sensor, "phone", BodyAxes::Rfu, samples);
     let location = path.join("Location.csv");
     if location.is_file() {
-        recording.add_receiver(&location, "phone", fixes(&location)?);
+        let fixes = fixes(&location, &mut recording.notes)?;
+        recording.add_receiver(&location, "phone", fixes);
     }
     Ok(recording)
 }
 
 /// Specific force, or the sum of motion and gravity as the phone separates them.
-fn force(path: &Path) -> Result<Vec<Stamped>, LogError> {
+fn force(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<Stamped>, LogError> {
     let total = path.join("TotalAcceleration.csv");
     if total.is_file() {
-        return vectors(&total);
+        return vectors(&total, notes);
     }
-    let motion = vectors(&path.join("Accelerometer.csv"))?;
-    let gravity = vectors(&path.join("Gravity.csv"))?;
+    let motion = vectors(&path.join("Accelerometer.csv"), notes)?;
+    let gravity = vectors(&path.join("Gravity.csv"), notes)?;
     let parts = joined(&motion, &gravity, BodyAxes::Rfu);
     Ok(parts
         .iter()
@@ -82,16 +90,17 @@ fn force(path: &Path) -> Result<Vec<Stamped>, LogError> {
         .collect())
 }
 
-fn vectors(path: &Path) -> Result<Vec<Stamped>, LogError> {
+fn vectors(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<Stamped>, LogError> {
     let table = Table::read(path)?;
     let column = |name| table.required(name, path);
     let (time, x, y, z) = (column("time")?, column("x")?, column("y")?, column("z")?);
-    let rows = table.rows.iter().filter_map(|row| {
+    let read = |row: &[f64]| {
         let vector = Vector3::new(*row.get(x)?, *row.get(y)?, *row.get(z)?);
         let finite = vector.iter().all(|x| x.is_finite());
         finite.then_some((nanoseconds(*row.get(time)?)?, vector))
-    });
-    let mut rows: Vec<Stamped> = rows.collect();
+    };
+    let rows = table.parsed(read, path, notes)?;
+    let mut rows: Vec<Stamped> = rows.into_iter().flatten().collect();
     // Phones deliver some samples twice or out of order.
     rows.sort_by_key(|row| row.0);
     rows.dedup_by_key(|row| row.0);
@@ -101,11 +110,11 @@ fn vectors(path: &Path) -> Result<Vec<Stamped>, LogError> {
 /// Radius of the 68 % circle, in sigmas per axis: sqrt(-2 ln 0.32).
 const RADIUS_68_SIGMAS: f64 = 1.51;
 
-fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
+fn fixes(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<GnssFix>, LogError> {
     let table = Table::read(path)?;
     let column = |name| table.required(name, path);
     let (time, latitude, longitude) = (column("time")?, column("latitude")?, column("longitude")?);
-    let fixes = table.rows.iter().filter_map(|row| {
+    let read = |row: &[f64]| {
         let cell = |name: &str| {
             let value = table.column(name).and_then(|index| row.get(index)).copied();
             value.filter(|x| x.is_finite())
@@ -126,8 +135,9 @@ fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
                 None,
             ]),
         })
-    });
-    Ok(fixes.collect())
+    };
+    let fixes = table.parsed(read, path, notes)?;
+    Ok(fixes.into_iter().flatten().collect())
 }
 
 fn nanoseconds(time: f64) -> Option<Time> {

@@ -8,6 +8,7 @@ use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Recording, bytes, fix_sigma, from_degrees, horizontal_sigma, unreadable};
+use crate::log::order::MAX_LEFT_OUT;
 use crate::log::{BodyAxes, LogError};
 
 /// Named columns of numbers; NaN where a cell is no number.
@@ -22,8 +23,16 @@ impl Table {
         let text = content(path)?;
         let lines = text.lines().filter(|line| !line.trim().is_empty());
         let mut lines = lines.peekable();
-        let names = lines
-            .next_if(|line| cells(line).iter().any(|cell| number(cell).is_nan()))
+        let is_text = |line: &&str| cells(line).iter().any(|cell| number(cell).is_nan());
+        let mut header = lines.next_if(is_text);
+        // Above the names there may be comments, and the separator for a spreadsheet.
+        while let Some(above) = header
+            && (above.starts_with("sep=") || above.starts_with('#'))
+            && let Some(names) = lines.next_if(is_text)
+        {
+            header = Some(names);
+        }
+        let names = header
             .map(|line| cells(line.trim_start_matches(['#', '%', '\u{feff}'])))
             .unwrap_or_default();
         let row = |line: &str| cells(line).iter().map(|cell| number(cell)).collect();
@@ -36,6 +45,42 @@ impl Table {
     pub(super) fn column(&self, name: &str) -> Option<usize> {
         let is = |own: &String| own.eq_ignore_ascii_case(name);
         self.names.iter().position(is)
+    }
+
+    /// Each row as read, none where that cannot be, or where it has another number of cells than most: with a
+    /// warning, or an error if they are many.
+    pub(super) fn parsed<T>(
+        &self,
+        of_row: impl Fn(&[f64]) -> Option<T>,
+        path: &Path,
+        notes: &mut Vec<LogError>,
+    ) -> Result<Vec<Option<T>>, LogError> {
+        let mut widths: Vec<usize> = self.rows.iter().map(Vec::len).collect();
+        widths.sort_unstable();
+        let width = widths.get(widths.len() / 2).copied().unwrap_or_default();
+        let whole = |row: &&Vec<f64>| row.len() == width;
+        let read = |row| Some(row).filter(whole).and_then(|row| of_row(row));
+        let rows: Vec<Option<T>> = self.rows.iter().map(read).collect();
+        let lost = rows.iter().filter(|row| row.is_none()).count();
+        if let Some(first) = rows.iter().position(Option::is_none) {
+            let found = format!(
+                "others in {lost} of {} rows, first in row {}",
+                rows.len(),
+                first + 1
+            );
+            let cause = format!(
+                "rows cut off, or with a separator within a cell; text, empty cells or another unit in the \
+                 columns that are read, or dates for seconds; left out, at most {} % of the rows",
+                100.0 * MAX_LEFT_OUT
+            );
+            let defect = LogError::file(path, "rows of numbers", found, cause);
+            // One never is too many, even in a short file: often the last line.
+            if lost > 1 && lost as f64 > MAX_LEFT_OUT * rows.len() as f64 {
+                return Err(defect);
+            }
+            notes.push(defect);
+        }
+        Ok(rows)
     }
 
     /// Index of a required column.
@@ -74,7 +119,8 @@ pub(super) fn number(cell: &str) -> f64 {
 
 fn vector(row: &[f64], at: usize) -> Option<Vector3<f64>> {
     let vector: &[f64; 3] = row.get(at..)?.first_chunk()?;
-    Some(Vector3::from(*vector))
+    let finite = vector.iter().all(|x| x.is_finite());
+    finite.then(|| Vector3::from(*vector))
 }
 
 // --- EuRoC (ASL), as used by Kalibr and VINS: inertial samples; GNSS is in another file ---
@@ -90,13 +136,14 @@ pub(super) fn is_euroc(_: &Path, start: &[u8]) -> bool {
 }
 
 pub(super) fn read_euroc(path: &Path) -> Result<Recording, LogError> {
-    let sample = |row: &Vec<f64>| {
+    let sample = |row: &[f64]| {
         let (gyro, accel) = (vector(row, 1)?, vector(row, 4)?);
         let time = Time::from_seconds(1e-9 * row.first()?)?;
         Some(EUROC_AXES.sample(time, gyro, accel))
     };
-    let samples = Table::read(path)?.rows.iter().filter_map(sample).collect();
     let mut recording = Recording::default();
+    let samples = Table::read(path)?.parsed(sample, path, &mut recording.notes)?;
+    let samples = samples.into_iter().flatten().collect();
     recording.add_imu(path, "EuRoC", EUROC_AXES, samples);
     Ok(recording)
 }
@@ -116,7 +163,15 @@ pub(super) fn read_kitti(path: &Path) -> Result<Recording, LogError> {
     let mut files: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
     files.sort();
     let (mut samples, mut fixes) = (Vec::new(), Vec::new());
-    for (stamp, file) in stamps.lines().zip(&files) {
+    let stamps: Vec<&str> = stamps.lines().collect();
+    for file in &files {
+        // The name is the number of the epoch: some may be missing.
+        let epoch = file
+            .file_stem()
+            .and_then(|stem| stem.to_str()?.parse::<usize>().ok());
+        let Some(stamp) = epoch.and_then(|epoch| stamps.get(epoch)) else {
+            continue;
+        };
         let cells: Vec<f64> = content(file)?.split_whitespace().map(number).collect();
         let time = date_and_time(stamp.trim(), "%Y-%m-%d %H:%M:%S%.f");
         let (Some(time), Some(cells)) = (time, cells.first_chunk::<25>()) else {
@@ -153,8 +208,9 @@ pub(super) fn is_gnss_ins_sim(path: &Path, _: &[u8]) -> bool {
 }
 
 pub(super) fn read_gnss_ins_sim(path: &Path) -> Result<Recording, LogError> {
-    let times = column(&path.join("time.csv"))?;
     let mut recording = Recording::default();
+    let clock = path.join("time.csv");
+    let times = column(&clock, &mut recording.notes)?;
     // Files are numbered by runs of the simulation.
     for run in 0.. {
         let of = |name: &str| path.join(format!("{name}-{run}.csv"));
@@ -162,27 +218,63 @@ pub(super) fn read_gnss_ins_sim(path: &Path) -> Result<Recording, LogError> {
         if !gyro.is_file() || !accel.is_file() {
             break;
         }
-        let rows = times.iter().zip(vectors(&gyro)?).zip(vectors(&accel)?);
+        let notes = &mut recording.notes;
+        let rates = in_step(vectors(&gyro, notes)?, &gyro, &times, &clock)?;
+        let forces = in_step(vectors(&accel, notes)?, &accel, &times, &clock)?;
+        let rows = times.iter().zip(rates).zip(forces);
         let samples = rows.filter_map(|((time, gyro), accel)| {
-            Some(BodyAxes::Frd.sample(Time::from_seconds(*time)?, gyro, accel))
+            Some(BodyAxes::Frd.sample((*time)?, gyro?, accel?))
         });
+        let samples = samples.collect();
         let name = format!("run {run}");
-        recording.add_imu(&gyro, &name, BodyAxes::Frd, samples.collect());
-        if gps.is_file() {
-            let times = column(&path.join("gps_time.csv"))?;
-            let rows = Table::read(&gps)?.rows;
-            let fixes = times.iter().zip(&rows);
-            let fixes = fixes.filter_map(|(time, row)| simulated_fix(*time, row));
-            recording.add_receiver(&gps, &name, fixes.collect());
+        let fixes = if gps.is_file() {
+            let clock = path.join("gps_time.csv");
+            let times = column(&clock, notes)?;
+            let fixes = Table::read(&gps)?.parsed(simulated_fix, &gps, notes)?;
+            let fixes = times.iter().zip(in_step(fixes, &gps, &times, &clock)?);
+            let fixes = fixes.filter_map(|(time, fix)| {
+                Some(GnssFix {
+                    time: (*time)?,
+                    ..fix?
+                })
+            });
+            Some(fixes.collect())
+        } else {
+            None
+        };
+        recording.add_imu(&gyro, &name, BodyAxes::Frd, samples);
+        if let Some(fixes) = fixes {
+            recording.add_receiver(&gps, &name, fixes);
         }
     }
     Ok(recording)
 }
 
-fn simulated_fix(time_s: f64, row: &[f64]) -> Option<GnssFix> {
+/// Rows of a table, if it has as many as its stamps: else they would be of other times.
+fn in_step<T>(
+    rows: Vec<T>,
+    path: &Path,
+    times: &[Option<Time>],
+    clock: &Path,
+) -> Result<Vec<T>, LogError> {
+    if rows.len() == times.len() {
+        return Ok(rows);
+    }
+    let expected = format!("{} rows as in {}", times.len(), clock.display());
+    let cause = "rows are missing from one of the two, or they are of different simulations";
+    Err(LogError::file(
+        path,
+        expected,
+        rows.len().to_string(),
+        cause,
+    ))
+}
+
+/// Without its time, which is in another table.
+fn simulated_fix(row: &[f64]) -> Option<GnssFix> {
     let [latitude, longitude, height, north, east, down] = *row.first_chunk::<6>()?;
-    Some(GnssFix {
-        time: Time::from_seconds(time_s)?,
+    let finite = row.iter().all(|x| x.is_finite());
+    finite.then(|| GnssFix {
         position: from_degrees((latitude, longitude)),
         height_m: Some(height),
         velocity_en_mps: Some(Vector2::new(east, north)),
@@ -191,19 +283,17 @@ fn simulated_fix(time_s: f64, row: &[f64]) -> Option<GnssFix> {
     })
 }
 
-fn column(path: &Path) -> Result<Vec<f64>, LogError> {
-    let table = Table::read(path)?;
-    let first = |row: &Vec<f64>| row.first().copied();
-    Ok(table.rows.iter().filter_map(first).collect())
+fn column(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<Option<Time>>, LogError> {
+    let time = |row: &[f64]| Time::from_seconds(*row.first()?);
+    Table::read(path)?.parsed(time, path, notes)
 }
 
 /// Rates in rad/s where the header has degrees.
-fn vectors(path: &Path) -> Result<Vec<Vector3<f64>>, LogError> {
+fn vectors(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<Option<Vector3<f64>>>, LogError> {
     let table = Table::read(path)?;
     let in_degrees = table.names.first().is_some_and(|name| name.contains("deg"));
     let scale = if in_degrees { 1_f64.to_radians() } else { 1.0 };
-    let scaled = |row: &Vec<f64>| vector(row, 0).map(|v| scale * v);
-    Ok(table.rows.iter().filter_map(scaled).collect())
+    table.parsed(|row| vector(row, 0).map(|v| scale * v), path, notes)
 }
 
 // --- KF-GINS: GPS seconds of week with increments of angle and velocity, forward-right-down; or with fixes
@@ -221,16 +311,19 @@ pub(super) fn is_kf_gins(_: &Path, start: &[u8]) -> bool {
 }
 
 pub(super) fn read_kf_gins(path: &Path) -> Result<Recording, LogError> {
-    let rows = Table::read(path)?.rows;
+    let table = Table::read(path)?;
+    let rows = &table.rows;
     // Sigmas are positive, increments of velocity have either sign.
     let is_fix = |row: &Vec<f64>| row.get(4..7).is_some_and(|s| s.iter().all(|x| *x > 0.0));
     let fixes = rows.first().is_some_and(|row| row.len() == 13) || rows.iter().all(is_fix);
     let mut recording = Recording::default();
+    let notes = &mut recording.notes;
     if fixes {
-        let fixes = rows.iter().filter_map(|row| kf_gins_fix(row)).collect();
-        recording.add_receiver(path, "KF-GINS", fixes);
+        let fixes = table.parsed(kf_gins_fix, path, notes)?;
+        recording.add_receiver(path, "KF-GINS", fixes.into_iter().flatten().collect());
     } else {
-        let samples = rows.iter().filter_map(|row| kf_gins_sample(row)).collect();
+        let samples = table.parsed(kf_gins_sample, path, notes)?;
+        let samples = samples.into_iter().flatten().collect();
         recording.add_imu(path, "KF-GINS", BodyAxes::Frd, samples);
         recording.imus[0].output = ImuOutput::Increments;
     }
