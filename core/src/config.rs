@@ -364,7 +364,7 @@ pub struct Config {
     pub form: Form,
     /// Use of the estimates.
     pub feedback: Feedback,
-    /// Longest gap between inertial samples that is bridged, s.
+    /// Longest gap between inertial samples that is bridged, s: at most a minute.
     pub max_gap_s: f64,
     /// Sigma of the vertical velocity over long times, m/s: its only aiding where fixes have neither height
     /// nor vertical velocity, and its prior where no fix has measured the climb of a vehicle in motion.

@@ -124,7 +124,8 @@ impl Repair<'_, '_> {
         }
         self.drop_empty();
         let found = format!("{count} of {all} beyond, the first {first_m}");
-        let cause = "written where the receiver gave none, or in another unit; left out";
+        let cause =
+            "a placeholder where there was no fix, as -9999, a bad fix, or another unit; left out";
         self.warn("h_m", "heights from -500 to 30000 m", found, cause);
     }
 
