@@ -1344,6 +1344,28 @@ fn rows_of_another_width_are_left_out() {
 }
 
 #[test]
+fn names_are_found_and_belong_to_the_cells() {
+    let folder = tempfile::tempdir().unwrap();
+    tables(folder.path(), COLUMNS);
+    let gps = fs::read_to_string(folder.path().join("gps.txt")).unwrap();
+    // The first row has no velocity yet.
+    let tabs = gps.replace(' ', "\t");
+    let (names, rows) = tabs.split_once('\n').unwrap();
+    let (first, rest) = rows.split_once('\n').unwrap();
+    let first: Vec<&str> = first.split('\t').take(4).collect();
+    let text = format!("#{names}\n{}\t\t\t\n{rest}", first.join("\t"));
+    file(folder.path(), "gps.txt", text);
+    let (log, warnings) = open(folder.path()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(log.gnss.len(), drive().gnss.len());
+    let raw = fs::read_to_string(folder.path().join("raw.txt")).unwrap();
+    let decimal_commas = raw.replace([';', '.'], ",");
+    file(folder.path(), "raw.txt", decimal_commas);
+    let error = open(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("a name for each cell"), "{error}");
+}
+
+#[test]
 fn a_column_is_not_read_twice() {
     let folder = tempfile::tempdir().unwrap();
     tables(folder.path(), &COLUMNS.replace("\"wy\"", "\"wx\""));

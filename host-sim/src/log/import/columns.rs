@@ -236,6 +236,18 @@ impl Columns {
     ) -> Result<Self, LogError> {
         let path = folder.join(&named.file);
         let table = Table::read(&path)?;
+        let (width, names) = (table.width(), table.names.len());
+        // A separator at the end of a row, or of the names, makes no column.
+        let ends_empty = table
+            .rows
+            .iter()
+            .all(|row| row.last().is_some_and(|x| x.is_nan()));
+        let names = names - usize::from(table.names.last().is_some_and(String::is_empty));
+        if names > 0 && width != names && !(ends_empty && width == names + 1) {
+            let found = format!("{width} in most rows, and {names} names");
+            let cause = "decimal commas in a table separated by commas, or a column without a name";
+            return Err(LogError::file(&path, "a name for each cell", found, cause));
+        }
         let mut columns: BTreeMap<String, (usize, f64)> = BTreeMap::new();
         for (name, source) in &named.columns {
             let own = known.iter().find(|(own, _)| own == name);

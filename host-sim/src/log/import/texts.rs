@@ -24,11 +24,12 @@ impl Table {
         let lines = text.lines().filter(|line| !line.trim().is_empty());
         let mut lines = lines.peekable();
         let is_text = |line: &&str| cells(line).iter().any(|cell| number(cell).is_nan());
+        let is_names = |line: &&str| cells(line).iter().all(|cell| number(cell).is_nan());
         let mut header = lines.next_if(is_text);
         // Above the names there may be comments, and the separator for a spreadsheet.
         while let Some(above) = header
             && (above.starts_with("sep=") || above.starts_with('#'))
-            && let Some(names) = lines.next_if(is_text)
+            && let Some(names) = lines.next_if(is_names)
         {
             header = Some(names);
         }
@@ -47,6 +48,13 @@ impl Table {
         self.names.iter().position(is)
     }
 
+    /// Number of cells in most rows.
+    pub(super) fn width(&self) -> usize {
+        let mut widths: Vec<usize> = self.rows.iter().map(Vec::len).collect();
+        widths.sort_unstable();
+        widths.get(widths.len() / 2).copied().unwrap_or_default()
+    }
+
     /// Each row as read, none where that cannot be, or where it has another number of cells than most: with a
     /// warning, or an error if they are many.
     pub(super) fn parsed<T>(
@@ -55,9 +63,7 @@ impl Table {
         path: &Path,
         notes: &mut Vec<LogError>,
     ) -> Result<Vec<Option<T>>, LogError> {
-        let mut widths: Vec<usize> = self.rows.iter().map(Vec::len).collect();
-        widths.sort_unstable();
-        let width = widths.get(widths.len() / 2).copied().unwrap_or_default();
+        let width = self.width();
         let whole = |row: &&Vec<f64>| row.len() == width;
         let read = |row| Some(row).filter(whole).and_then(|row| of_row(row));
         let rows: Vec<Option<T>> = self.rows.iter().map(read).collect();
