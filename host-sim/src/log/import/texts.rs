@@ -106,12 +106,13 @@ pub(super) fn content(path: &Path) -> Result<String, LogError> {
 
 /// Cells separated by semicolons, tabs or commas, or else by blanks.
 fn cells(line: &str) -> Vec<&str> {
-    let line = line.trim();
+    let (whole, line) = (line.trim_start().trim_end_matches([' ', '\r']), line.trim());
     let quotes: &[char] = &['"', ' '];
     let mut separators = [';', '\t', ','].into_iter();
     match separators.find(|separator| line.contains(*separator)) {
         Some(separator) => {
-            let cells = line.split(separator);
+            // Tabs at the end separate empty cells.
+            let cells = whole.split(separator);
             cells.map(|cell| cell.trim_matches(quotes)).collect()
         }
         None => line.split_whitespace().collect(),
