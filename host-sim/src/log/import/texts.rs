@@ -112,7 +112,7 @@ fn cells(line: &str) -> Vec<&str> {
     match separators.find(|separator| line.contains(*separator)) {
         Some(separator) => {
             // Tabs at the end separate empty cells.
-            let cells = whole.split(separator);
+            let cells = if separator == '\t' { whole } else { line }.split(separator);
             cells.map(|cell| cell.trim_matches(quotes)).collect()
         }
         None => line.split_whitespace().collect(),
