@@ -174,13 +174,15 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     };
     let file = &document.columns.imu.file;
     let path = folder.join(file);
-    let samples = imu.parsed(sample, &path, &mut recording.notes)?;
+    let samples = imu.table.parsed(sample, &path, &mut recording.notes)?;
     recording.add_imu(&path, file, axes, samples);
     recording.imus[0].output = meta.imu;
     recording.meta = Some(meta);
     let file = &document.columns.gnss.file;
     let path = folder.join(file);
-    let fixes = gnss.parsed(|row| fix(&gnss, row), &path, &mut recording.notes)?;
+    let fixes = gnss
+        .table
+        .parsed(|row| fix(&gnss, row), &path, &mut recording.notes)?;
     recording.add_receiver(&path, file, fixes);
     let notes = &mut recording.notes;
     if let Some(baro) = find_table(folder, "baro.csv")? {
@@ -298,17 +300,6 @@ impl Columns {
                 Err(LogError::file(meta, expected, "none", cause))
             }
         }
-    }
-
-    /// All rows that can be read.
-    fn parsed<T>(
-        &self,
-        of_row: impl Fn(&[f64]) -> Option<T>,
-        path: &Path,
-        notes: &mut Vec<LogError>,
-    ) -> Result<Vec<T>, LogError> {
-        let rows = self.table.parsed(of_row, path, notes)?;
-        Ok(rows.into_iter().flatten().collect())
     }
 
     fn cell(&self, row: &[f64], name: &str) -> Option<f64> {

@@ -99,8 +99,7 @@ fn vectors(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<Stamped>, LogEr
         let finite = vector.iter().all(|x| x.is_finite());
         finite.then_some((nanoseconds(*row.get(time)?)?, vector))
     };
-    let rows = table.parsed(read, path, notes)?;
-    let mut rows: Vec<Stamped> = rows.into_iter().flatten().collect();
+    let mut rows: Vec<Stamped> = table.parsed(read, path, notes)?;
     // Phones deliver some samples twice or out of order.
     rows.sort_by_key(|row| row.0);
     rows.dedup_by_key(|row| row.0);
@@ -136,8 +135,7 @@ fn fixes(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<GnssFix>, LogErro
             ]),
         })
     };
-    let fixes = table.parsed(read, path, notes)?;
-    Ok(fixes.into_iter().flatten().collect())
+    table.parsed(read, path, notes)
 }
 
 fn nanoseconds(time: f64) -> Option<Time> {

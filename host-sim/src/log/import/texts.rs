@@ -55,9 +55,20 @@ impl Table {
         widths.get(widths.len() / 2).copied().unwrap_or_default()
     }
 
+    /// All rows that can be read: see [`Self::each_row`].
+    pub(super) fn parsed<T>(
+        &self,
+        of_row: impl Fn(&[f64]) -> Option<T>,
+        path: &Path,
+        notes: &mut Vec<LogError>,
+    ) -> Result<Vec<T>, LogError> {
+        let rows = self.each_row(of_row, path, notes)?;
+        Ok(rows.into_iter().flatten().collect())
+    }
+
     /// Each row as read, none where that cannot be, or where it has another number of cells than most: with a
     /// warning, or an error if they are many.
-    pub(super) fn parsed<T>(
+    fn each_row<T>(
         &self,
         of_row: impl Fn(&[f64]) -> Option<T>,
         path: &Path,
@@ -150,7 +161,6 @@ pub(super) fn read_euroc(path: &Path) -> Result<Recording, LogError> {
     };
     let mut recording = Recording::default();
     let samples = Table::read(path)?.parsed(sample, path, &mut recording.notes)?;
-    let samples = samples.into_iter().flatten().collect();
     recording.add_imu(path, "EuRoC", EUROC_AXES, samples);
     Ok(recording)
 }
@@ -234,10 +244,10 @@ pub(super) fn read_gnss_ins_sim(path: &Path) -> Result<Recording, LogError> {
         });
         let samples = samples.collect();
         let name = format!("run {run}");
-        let fixes = if gps.is_file() {
+        if gps.is_file() {
             let clock = path.join("gps_time.csv");
             let times = column(&clock, notes)?;
-            let fixes = Table::read(&gps)?.parsed(simulated_fix, &gps, notes)?;
+            let fixes = Table::read(&gps)?.each_row(simulated_fix, &gps, notes)?;
             let fixes = times.iter().zip(in_step(fixes, &gps, &times, &clock)?);
             let fixes = fixes.filter_map(|(time, fix)| {
                 Some(GnssFix {
@@ -245,14 +255,9 @@ pub(super) fn read_gnss_ins_sim(path: &Path) -> Result<Recording, LogError> {
                     ..fix?
                 })
             });
-            Some(fixes.collect())
-        } else {
-            None
-        };
-        recording.add_imu(&gyro, &name, BodyAxes::Frd, samples);
-        if let Some(fixes) = fixes {
-            recording.add_receiver(&gps, &name, fixes);
+            recording.add_receiver(&gps, &name, fixes.collect());
         }
+        recording.add_imu(&gyro, &name, BodyAxes::Frd, samples);
     }
     Ok(recording)
 }
@@ -292,7 +297,7 @@ fn simulated_fix(row: &[f64]) -> Option<GnssFix> {
 
 fn column(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<Option<Time>>, LogError> {
     let time = |row: &[f64]| Time::from_seconds(*row.first()?);
-    Table::read(path)?.parsed(time, path, notes)
+    Table::read(path)?.each_row(time, path, notes)
 }
 
 /// Rates in rad/s where the header has degrees.
@@ -300,7 +305,7 @@ fn vectors(path: &Path, notes: &mut Vec<LogError>) -> Result<Vec<Option<Vector3<
     let table = Table::read(path)?;
     let in_degrees = table.names.first().is_some_and(|name| name.contains("deg"));
     let scale = if in_degrees { 1_f64.to_radians() } else { 1.0 };
-    table.parsed(|row| vector(row, 0).map(|v| scale * v), path, notes)
+    table.each_row(|row| vector(row, 0).map(|v| scale * v), path, notes)
 }
 
 // --- KF-GINS: GPS seconds of week with increments of angle and velocity, forward-right-down; or with fixes
@@ -327,10 +332,9 @@ pub(super) fn read_kf_gins(path: &Path) -> Result<Recording, LogError> {
     let notes = &mut recording.notes;
     if fixes {
         let fixes = table.parsed(kf_gins_fix, path, notes)?;
-        recording.add_receiver(path, "KF-GINS", fixes.into_iter().flatten().collect());
+        recording.add_receiver(path, "KF-GINS", fixes);
     } else {
         let samples = table.parsed(kf_gins_sample, path, notes)?;
-        let samples = samples.into_iter().flatten().collect();
         recording.add_imu(path, "KF-GINS", BodyAxes::Frd, samples);
         recording.imus[0].output = ImuOutput::Increments;
     }
