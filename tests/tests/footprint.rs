@@ -7,8 +7,8 @@ use ins_tests::footprint::{goal, ours};
 /// Budgets where a goal is not reached yet (`ins_tests::footprint::goal`): as measured, rounded up. Fewest
 /// parameters are estimated for ring lasers, all for MEMS.
 const AMORTISED_OF_ALL: u64 = 3_750;
-const STATE_BYTES: u64 = 16_360;
-const FLASH_BYTES: u64 = 161_200;
+const STATE_BYTES: u64 = 16_424;
+const FLASH_BYTES: u64 = 161_600;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {

@@ -33,7 +33,7 @@ use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
-use crate::observer::{AZIMUTH_JUMP, DataGap, Observer};
+use crate::observer::{AZIMUTH_JUMP, DataGap, Disturbance, Observer};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -164,6 +164,8 @@ pub struct AidedIns<const N: usize> {
     last_comparison: (Time, Vector3<f64>),
     /// Coning that sampling may not resolve, mean of many looks, rad/s.
     unresolved_coning_radps: Vector3<f64>,
+    /// What disturbs the INS where the estimators have not come, and from when on.
+    disturbed: Option<(Time, Disturbance)>,
     /// A gap that the estimators have not passed.
     gap: Option<DataGap>,
     /// The INS has diverged, and must be aligned anew.
@@ -226,6 +228,7 @@ impl<const N: usize> AidedIns<N> {
             manoeuvre: Manoeuvre::default(),
             last_comparison: (time, Vector3::zeros()),
             unresolved_coning_radps: Vector3::zeros(),
+            disturbed: None,
             gap: None,
             diverged: false,
             parameters_invalid: false,
@@ -271,7 +274,13 @@ impl<const N: usize> AidedIns<N> {
     pub fn sigma(&self, config: &Config) -> Option<SolutionSigma> {
         let since = self.since_horizon();
         let sigma = self.estimator.exact()?.sigma(&since, config);
-        Some(self.gap.map_or(sigma, |gap| gap.widen(&sigma)))
+        Some(self.to_come().fold(sigma, |sigma, by| by.widen(&sigma)))
+    }
+
+    /// What disturbs the INS between the estimators' horizon and now.
+    fn to_come(&self) -> impl Iterator<Item = &Disturbance> {
+        let gap = self.gap.iter().map(|gap| &gap.disturbance);
+        gap.chain(self.disturbed.iter().map(|(_, by)| by))
     }
 
     /// Time of the last level aiding, if the controls have ended.
@@ -396,8 +405,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Inertial samples were missing for `seconds` and interpolated, between readings that differ by rad/s
-    /// and m/s^2 in body axes. The covariance grows when the horizon comes to its end: earlier fixes are not
-    /// affected. Of the part in which stamps had gone back, no way is interpolated.
+    /// and m/s^2 in body axes. Of the part in which stamps had gone back, no way is interpolated.
     #[inline(never)]
     pub fn on_gap(&mut self, seconds: f64, set_back_s: f64, ends_differ: &[Vector3<f64>; 2]) {
         let up = up(&self.mechanization.attitude);
@@ -408,17 +416,27 @@ impl<const N: usize> AidedIns<N> {
         } else {
             Some(gap)
         };
-        if let (Some(gap), Some(observer)) = (before, self.estimator.exact_mut()) {
-            observer.on_gap(&gap);
+        if let Some(gap) = before {
+            self.disturb(&gap.disturbance);
         }
     }
 
     /// The next interval has noise beyond that of the sensors: variances of the angle and of the velocity
     /// gained, per body axis.
-    pub fn on_noise(&mut self, [angle, velocity]: &[Vector3<f64>; 2]) {
-        if let Some(observer) = self.estimator.exact_mut() {
-            observer.on_noise(angle, velocity);
-        }
+    pub fn on_noise(&mut self, variances: &[Vector3<f64>; 2]) {
+        self.disturb(&Disturbance::by_noise(
+            variances,
+            &up(&self.mechanization.attitude),
+        ));
+    }
+
+    /// The covariance grows when the horizon comes to the first of the intervals that disturb: earlier fixes
+    /// are not affected.
+    fn disturb(&mut self, by: &Disturbance) {
+        self.disturbed = Some(match &self.disturbed {
+            Some((since, before)) => (*since, before.plus(by)),
+            None => (self.now, *by),
+        });
     }
 
     /// Advances over the interval that ends at `time`.
@@ -558,8 +576,13 @@ impl<const N: usize> AidedIns<N> {
         );
         let horizon = self.estimator.horizon();
         let passed = self.gap.take_if(|gap| gap.end <= horizon);
-        if let (Some(gap), Some(observer)) = (passed, self.estimator.exact_mut()) {
-            observer.on_gap(&gap);
+        let passed = passed.map(|gap| gap.disturbance);
+        let reached = self.disturbed.take_if(|(since, _)| *since <= horizon);
+        let reached = reached.map(|(_, by)| by);
+        if let Some(observer) = self.estimator.exact_mut() {
+            for by in passed.iter().chain(&reached) {
+                observer.on_disturbance(by);
+            }
         }
         self.update_since_horizon(horizon);
     }

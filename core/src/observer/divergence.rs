@@ -7,6 +7,7 @@ use super::{Observer, estimated};
 use crate::channel::{Channel, Measured};
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::error_model::level_and_up;
 use crate::history::SPACING_S;
 use crate::innovations::{AGREEING_S, NisTest};
 use crate::math;
@@ -47,18 +48,65 @@ const RELOCATED_PART: f64 = 0.3;
 /// Longest credible arm, sigmas: one that fits noise is longer.
 const RELOCATED_SIGMAS: f64 = 2.0;
 
-/// Missing inertial samples, and the variances of the interpolation: it may be wrong by half of the
-/// difference of the readings at both ends, and by an ordinary manoeuvre.
+/// Variances that an interval adds to the INS error beyond those of its sensors' noise: of a component of the
+/// position; of a level component and of the vertical one of the velocity; of tilt and azimuth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Disturbance {
+    position: f64,
+    velocity: [f64; 2],
+    tilt: f64,
+    azimuth: f64,
+}
+
+impl Disturbance {
+    /// Noise of these variances of the angle and of the velocity gained, per body axis, where the vertical is
+    /// `up`.
+    pub fn by_noise([angle, velocity]: &[Vector3<f64>; 2], up: &Vector3<f64>) -> Self {
+        let (tilt, azimuth) = level_and_up(up, angle);
+        Self {
+            position: 0.0,
+            velocity: level_and_up(up, velocity).into(),
+            tilt,
+            azimuth,
+        }
+    }
+
+    /// Both, of different intervals.
+    pub fn plus(&self, other: &Self) -> Self {
+        let [level, up] = self.velocity;
+        let [other_level, other_up] = other.velocity;
+        Self {
+            position: self.position + other.position,
+            velocity: [level + other_level, up + other_up],
+            tilt: self.tilt + other.tilt,
+            azimuth: self.azimuth + other.azimuth,
+        }
+    }
+
+    /// Sigmas of an INS that has passed it.
+    pub fn widen(&self, sigma: &SolutionSigma) -> SolutionSigma {
+        let wider = |sigma: f64, variance: f64| math::sqrt(sigma * sigma + variance);
+        let [level, up] = self.velocity;
+        let velocity = Vector3::new(level, level, up);
+        let attitude = Vector3::new(self.tilt, self.tilt, self.azimuth);
+        SolutionSigma {
+            position_m: sigma.position_m.map(|own| wider(own, self.position)),
+            velocity_mps: sigma.velocity_mps.zip_map(&velocity, wider),
+            attitude_rad: sigma.attitude_rad.zip_map(&attitude, wider),
+        }
+    }
+}
+
+/// Missing inertial samples, and what interpolating them adds: it may be wrong by half of the difference of
+/// the readings at both ends, and by an ordinary manoeuvre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DataGap {
     start: Time,
     /// First sample after it.
     pub end: Time,
-    position: f64,
-    velocity: f64,
-    tilt: f64,
-    azimuth: f64,
+    pub disturbance: Disturbance,
 }
 
 impl DataGap {
@@ -84,10 +132,12 @@ impl DataGap {
         Self {
             start,
             end: start.plus_seconds(seconds),
-            position: square(0.5 * velocity * seconds) + square(missed_m),
-            velocity: square(velocity),
-            tilt: square(tilt) + square(0.5 * seconds) * level_square + square(tipped),
-            azimuth: square(azimuth),
+            disturbance: Disturbance {
+                position: square(0.5 * velocity * seconds) + square(missed_m),
+                velocity: [square(velocity); 2],
+                tilt: square(tilt) + square(0.5 * seconds) * level_square + square(tipped),
+                azimuth: square(azimuth),
+            },
         }
     }
 
@@ -96,25 +146,18 @@ impl DataGap {
         let before_s = self.start.seconds_since(moment);
         before_s < 2.0 * SPACING_S && moment.seconds_since(self.end) < SPACING_S
     }
-
-    /// Sigmas of an INS that has passed it.
-    pub fn widen(&self, sigma: &SolutionSigma) -> SolutionSigma {
-        let wider = |sigma: f64, variance: f64| math::sqrt(sigma * sigma + variance);
-        let attitude = Vector3::new(self.tilt, self.tilt, self.azimuth);
-        SolutionSigma {
-            position_m: sigma.position_m.map(|own| wider(own, self.position)),
-            velocity_mps: sigma.velocity_mps.map(|own| wider(own, self.velocity)),
-            attitude_rad: sigma.attitude_rad.zip_map(&attitude, wider),
-        }
-    }
 }
 
 impl Observer {
-    /// The horizon has reached the end of a gap.
-    pub fn on_gap(&mut self, gap: &DataGap) {
-        self.add_noise([gap.velocity; 2], [gap.tilt, gap.azimuth]);
-        self.level.add_position_variance(gap.position);
-        self.vertical.add_position_variance(gap.position);
+    /// The horizon has reached what disturbs the INS.
+    #[inline(never)]
+    pub fn on_disturbance(&mut self, by: &Disturbance) {
+        let [level, up] = by.velocity;
+        self.level.add_variance(level, by.tilt);
+        self.vertical.add_variance(up, 0.0);
+        self.azimuth_walk += by.azimuth;
+        self.level.add_position_variance(by.position);
+        self.vertical.add_position_variance(by.position);
     }
 
     /// Another latency than the estimated one was found to be right, and an arm that goes with it, if that can be.

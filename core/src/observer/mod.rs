@@ -27,7 +27,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 
 use self::coloured_noise::{ColouredNoise, CorrelationTime, FilterSensitivity};
 use self::consistency::Consistency;
-pub use self::divergence::{DataGap, RESET_MPS};
+pub use self::divergence::{DataGap, Disturbance, RESET_MPS};
 use self::error_state::{ErrorState, INITIAL_SENSITIVITIES};
 pub use self::jump::AZIMUTH as AZIMUTH_JUMP;
 use self::jump::Jump;

@@ -129,19 +129,6 @@ impl Observer {
         self.add_manoeuvre_noise(span, config);
     }
 
-    /// Noise beyond that of the sensors: variances of the angle and of the velocity gained, per body axis.
-    pub fn on_noise(&mut self, angle: &Vector3<f64>, velocity: &Vector3<f64>) {
-        let [velocity, angle] = [velocity, angle].map(|own| level_and_up(&self.up, own).into());
-        self.add_noise(velocity, angle);
-    }
-
-    /// Variances of a level component and of the vertical: of velocity, and of tilt and azimuth.
-    pub(super) fn add_noise(&mut self, [level, up]: [f64; 2], [tilt, azimuth]: [f64; 2]) {
-        self.level.add_variance(level, tilt);
-        self.vertical.add_variance(up, 0.0);
-        self.azimuth_walk += azimuth;
-    }
-
     /// Scale errors and misalignments of gyros and accelerometers, as far as they are no parameters, and the
     /// gyros' response to specific force, as process noise: of errors proportional to the turn, or to the
     /// velocity gained, and not to its square root.

@@ -55,7 +55,8 @@ fn samples_lost_in_vibration_cost_what_is_stated() {
         let errors = Vector3::new(turned.x, turned.z, gained);
         squares += errors.component_mul(&errors);
         // One of two level axes turns.
-        stated += Vector3::new(2.0 * gap.tilt, gap.azimuth, gap.velocity);
+        let by = gap.disturbance;
+        stated += Vector3::new(2.0 * by.tilt, by.azimuth, by.velocity[0]);
     }
     for ratio in &squares.component_div(&stated) {
         // Half the difference of the ends is right in the mean of all frequencies; an ordinary manoeuvre adds to
