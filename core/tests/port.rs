@@ -189,6 +189,33 @@ fn a_reading_that_may_be_clipped_is_noise_unless_it_is_refused() {
 }
 
 #[test]
+fn a_fix_of_before_tells_nothing_of_a_clipped_reading() {
+    let mut car = Car::new(bends);
+    car.run_until(89.9, true, Some);
+    car.run_until(90.0, true, |_| None);
+    let late = car.fix();
+    let _ = car.navigator.on_imu(&ImuSample {
+        time: Time::from_seconds(90.01).unwrap(),
+        gyro: Vector3::zeros(),
+        accel: Vector3::new(1.05 * Config::mems().sensors.accel_range_mps2, 0.0, 0.0),
+    });
+    car.run_until(90.1, true, |_| None);
+    let before = car.navigator.sigma().unwrap();
+    assert_eq!(car.navigator.on_gnss(&late), GnssOutcome::Queued);
+    car.run_until(91.3, true, |_| None);
+    let taken = car.navigator.health().last_fix.unwrap();
+    assert_eq!(
+        (taken.time, taken.outcome),
+        (late.time, GnssOutcome::Accepted)
+    );
+    let after = car.navigator.sigma().unwrap();
+    assert!(
+        after.velocity_mps.x > 0.9 * before.velocity_mps.x,
+        "{before:?} {after:?}"
+    );
+}
+
+#[test]
 fn an_increment_of_a_time_already_filled_is_noise() {
     let config = Config {
         imu_output: ImuOutput::Increments,
